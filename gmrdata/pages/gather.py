@@ -127,6 +127,8 @@ def gather_video(folder: Path, images_dir: Path | None = None, body: str | None 
     has_people = pseudo_gt_dir.exists()
     said = reader.read(VideoVerdict.read, verdict_path, verdict_path.exists())
     record = reader.read(load_record, pseudo_gt_dir, has_people)
+    doubts_paths = (folder / DOUBTS_FILE, folder / PEOPLE / DOUBTS_FILE)  # of a video, of 3DPW
+    doubts = [reader.read(Doubts.read, path) for path in doubts_paths if path.exists()]
     clips = read_people(reader, pseudo_gt_dir, record)
     has_fused = bool(clips) and (folder / FUSED).is_dir()
     fused = reader.read(lambda fused_dir: _fused(fused_dir, clips), folder / FUSED, has_fused)
@@ -140,6 +142,7 @@ def gather_video(folder: Path, images_dir: Path | None = None, body: str | None 
         name=folder.name,
         folder=folder,
         record=record,
+        doubts=next((one.frames for one in doubts if one is not None), ()),
         clips=clips,
         fused=fused,
         reconstruction=solved,
@@ -195,11 +198,12 @@ def gather_sequence(
         folder=None if files is None else folder,
         record=record,
         reasons=_reasons(record, None) or by_set,
+        doubts=by_set,
         clips=clips,
         reconstruction=read_reconstruction(reader, folder / SFM) if is_solved else None,
         camera=camera,
         config=recipe.of_sequence(verdict.sequence).pseudo_gt,
-        dataset=DatasetSays(verdict, message, files, people, by_set, theirs, recipe.intrinsics),
+        dataset=DatasetSays(verdict, message, files, people, theirs, recipe.intrinsics),
         missing=tuple(reader.missing),
     )
 

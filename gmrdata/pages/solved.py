@@ -69,7 +69,6 @@ class DatasetSays:
     message: str  # the whole message if it could not be regenerated; else empty
     files: SequenceFiles | None  # None where the name can't be trusted: nothing of it is opened
     people: PeopleRecord | None
-    doubts: tuple[tuple[str, ...], ...]  # (P, T) why the data set doubts a frame; else empty
     camera: np.ndarray | None  # (T, 4, 4) its own world_from_cam; NaN where unknown
     intrinsics: IntrinsicsConfig  # what its keypoints may say of the focal length
 
@@ -83,6 +82,8 @@ class Solved:
     record: PseudoGtQuality | None = None
     reasons: tuple[tuple[str, ...], ...] = ()
     """(P, T) why a frame is dropped; else empty.  Of cameras alone, one row for the camera."""
+    doubts: tuple[tuple[str, ...], ...] = ()
+    """(P, T) why the data set, or the video, does not vouch for a frame; else empty."""
     clips: Mapping[int, Clip] = field(default_factory=dict)  # world motions by person
     reconstruction: Reconstruction | None = None
     camera: CameraPath | None = None  # of the T frames, in the shown world

@@ -11,7 +11,6 @@ from gmrdata.cameras.recipe import CamerasVerdictConfig
 from gmrdata.pages.html import Cell, Table
 from gmrdata.pages.report_data import NO_FIGURE
 from gmrdata.pages.solved import Solved
-from gmrdata.threedpw.intrinsics_check import FocalEstimate, IntrinsicsConfig
 from gmrdata.values.camera_motion import MotionClassConfig, MotionFigures
 from gmrdata.values.records import compared
 from gmrdata.values.transforms import angles_rad
@@ -42,8 +41,10 @@ def verdict_rows(found: Solved) -> list[Row]:
     rows += _scale_rows(found.record, found.config)
     rows += _kept_rows(found) + _fit_rows(found)
     if (said := found.dataset) is not None:
-        focal = None if said.people is None else said.people.focal
-        rows.append(focal_row(focal, said.intrinsics))
+        focal, most = None if said.people is None else said.people.focal, said.intrinsics
+        factor, sigma = (None, None) if focal is None else (focal.factor, focal.sigma)
+        deviation, sigmas = most.max_focal_deviation, most.sigmas
+        rows.append(_focal_row("the 2D keypoints", factor, sigma, deviation, sigmas))
     return rows
 
 
@@ -163,12 +164,11 @@ def class_rows(figures: MotionFigures, config: MotionClassConfig) -> list[Row]:
 
 
 def _kept_rows(found: Solved) -> list[Row]:
-    """Frames that the data set itself doubts count for nothing."""
-    rows, doubts = [], () if found.dataset is None else found.dataset.doubts
+    """Frames that the data set or the video itself doubts count for nothing."""
+    rows = []
     for person, reasons in enumerate(found.reasons if found.is_solved else ()):
-        vouched = len(reasons)
-        if person < len(doubts):
-            vouched = sum(not doubt for doubt in doubts[person])
+        doubts = found.doubts[person] if person < len(found.doubts) else len(reasons) * ("",)
+        vouched = doubts.count("")
         share = sum(not reason for reason in reasons) / max(1, vouched)
         name = f"the {vouched} valid frames of person {person} that are left"
         rows.append(_share(name, share, found.config.verdict.min_kept_share))
@@ -179,19 +179,19 @@ def _fit_rows(found: Solved) -> list[Row]:
     """How the bodies lie on the people in the pictures."""
     rows, config = [], found.config.verdict
     for person, fit in enumerate(() if found.record is None else found.record.picture_fits):
-        off = None if fit is None else fit.off_frames / max(1, fit.frames)
-        gain = None if fit is None else fit.late_overlap - fit.overlap
+        off = gain = doubled = None
+        if fit is not None:
+            off, doubled = np.array([fit.off_frames, fit.doubled_frames]) / max(1, fit.frames)
+            gain = fit.late_overlap - fit.overlap
         name = f"compared frames in which the body of person {person} lies on nobody [%]"
         rows.append(_row(name, off, config.max_off_share, unit=100))
         name = f"overlap that the body of person {person} gains on other frames"
-        rows.append(_row(name, gain, config.max_late_gain))
+        row, least = _row(name, gain, config.max_late_gain), config.off_overlap
+        if row.met is False and fit is not None and fit.late_overlap < least:
+            row = row._replace(threshold=f"{row.threshold}, or < {least:g} there", met=True)
+        name = f"compared frames in which another body lies where that of person {person} does [%]"
+        rows += [row, _row(name, doubled, config.max_doubled_share, unit=100)]
     return rows
-
-
-def focal_row(focal: FocalEstimate | None, config: IntrinsicsConfig) -> Row:
-    """What the 2D keypoints of 3DPW ask for."""
-    factor, sigma = (None, None) if focal is None else (focal.factor, focal.sigma)
-    return _focal_row("the 2D keypoints", factor, sigma, config.max_focal_deviation, config.sigmas)
 
 
 def _focal_row(

@@ -15,9 +15,9 @@ from gmrdata.solve.verdict import VideoVerdict
 from gmrdata.values import camera, transforms
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, camera_of, save_clip
-from gmrdata.values.people import PersonFiles
+from gmrdata.values.people import DOUBTS_FILE, PersonFiles
 from gmrdata.world.pseudo_gt import WorldEvidence, make_pseudo_gt
-from gmrdata.world.recipe import PseudoGtConfig, verdict_of
+from gmrdata.world.recipe import Doubts, PseudoGtConfig, verdict_of
 from tests.fusion.test_network_evidence import record
 from tests.pages.conftest import paint_clip
 from tests.world.test_compose import as_input, reconstruction, true_clip
@@ -35,8 +35,10 @@ def solved_video(
     *,
     config: PseudoGtConfig | None = None,
     person: bool = True,
+    doubts: Doubts | None = None,
 ) -> Clip:
-    """Make `frames`, `masks`, `sfm`, `body` and, of a person, `pseudo_gt`; gives the true clip."""
+    """Make `frames`, `masks`, `sfm`, `body` and, of a person, `pseudo_gt`; gives the true clip.
+    `doubts` are what the video says against frames."""
     true = true_clip(body, Circular() if geometry == "full" else Panning()).take(slice(N_ROWS))
     folder.mkdir(parents=True)
     paint_clip(folder, true, body)
@@ -48,7 +50,11 @@ def solved_video(
     people = (PersonFiles(folder / "in.npz", folder / "body" / "body.npz"),)
     if person:
         config = config or PseudoGtConfig()
-        make_pseudo_gt(WorldEvidence(folder / "sfm", people), folder / "pseudo_gt", config)
+        doubts_path = None if doubts is None else folder / DOUBTS_FILE
+        if doubts is not None and doubts_path is not None:
+            doubts.write(doubts_path)
+        evidence = WorldEvidence(folder / "sfm", people, doubts_path=doubts_path)
+        make_pseudo_gt(evidence, folder / "pseudo_gt", config)
     (folder / "in.npz").unlink()
     return true
 

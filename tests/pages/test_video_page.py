@@ -24,7 +24,8 @@ from gmrdata.values.errors import MissingInput
 from gmrdata.values.files import read_npz, write_npz
 from gmrdata.world.bodies import NOT_SEEN
 from gmrdata.world.judge import load_record
-from gmrdata.world.recipe import PseudoGtConfig, VerdictConfig, verdict_of
+from gmrdata.world.picture_fit import PictureFit
+from gmrdata.world.recipe import Doubts, PseudoGtConfig, VerdictConfig, verdict_of
 from tests.pages.html_pages import Page
 from tests.pages.solved_video import N_ROWS, OFF_PX, camera_verdict, fuse_video, solved_video
 
@@ -147,6 +148,24 @@ def test_a_rejected_video_says_so_first_and_warns_of_its_files(small_body, tmp_p
     assert "✗≥ 50" in page.words
     assert "fewer than 101 inliers" in page.words and "no camera was found" in page.words
     assert "these files are for looking, not for use" in page.words
+
+
+def test_one_who_comes_late_is_accepted_by_the_frames_that_show_them(small_body, tmp_path):
+    """A page had 33 % of 24 valid frames, and said that they miss the 50 % of the verdict."""
+    doubts = Doubts(frames=((NOT_SEEN,) * 16 + ("",) * 8,), sequence=())
+    solved_video(tmp_path / "walk", small_body, doubts=doubts)
+    found = gather_video(tmp_path / "walk")
+    assert found.accepted == [True] and found.record is not None
+    said = {row.name: row[1:] for row in verdict_rows(found)}
+    assert said["the 8 valid frames of person 0 that are left [%]"] == ("100.0", "≥ 50", True)
+    # Beside the person wherever it is laid: 9 of 100 are no error of time, as the verdict has it.
+    fit = PictureFit(8, 2, 0.30, 3, 0.39, 5, (2, 3))
+    seen = replace(found, record=found.record.model_copy(update={"picture_fits": (fit,)}))
+    said = {row.name: row[1:] for row in verdict_rows(seen)}
+    gains = "overlap that the body of person 0 gains on other frames"
+    assert said[gains] == ("0.09", "≤ 0.08, or < 0.5 there", True)
+    other = "compared frames in which another body lies where that of person 0 does [%]"
+    assert said[other] == ("62.5", "≤ 50", False)
 
 
 def test_people_with_the_network_s_motions_are_shown_in_all_frames(small_body, run_dir, tmp_path):
