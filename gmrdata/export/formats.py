@@ -20,9 +20,10 @@ from gmrdata.stage.progress import remark
 from gmrdata.values import transforms
 from gmrdata.values.body import SMPL
 from gmrdata.values.clip import Clip, camera_of
-from gmrdata.values.errors import BadMotionFile, BadSequence, some
+from gmrdata.values.errors import BadMotionFile, BadRecord, BadSequence, some
 from gmrdata.values.files import write_bytes
 from gmrdata.values.people import FUSED, PSEUDO_GT
+from gmrdata.values.records import MAKE_AGAIN
 
 if TYPE_CHECKING:
     from gmrdata.export.sources import ExportedClip
@@ -78,15 +79,11 @@ def unit_of(format: Format, options: ExportOptions) -> Literal["clip", "sequence
 
 def why_not(format: Format, clips: Sequence["ExportedClip"], options: ExportOptions) -> str:
     """Why clips of one unit can't be written in a format; empty if they can, as far as is known."""
-    return next(filter(None, (_lacks(need, clips, options) for need in format.needs)), "")
-
-
-def _lacks(need: Need, clips: Sequence["ExportedClip"], options: ExportOptions) -> str:
-    if need == "trajectory":
-        need = "camera" if options.of == "camera" else "world"
-    lacks = next(filter(None, (_clip_lacks(need, one.clip) for one in clips)), "")
-    nobody = need == "world" and not any(one.clip.valid.any() for one in clips)
-    return lacks or ("has no valid frame" if nobody else "")
+    trajectory: Need = "camera" if options.of == "camera" else "world"
+    needs = [trajectory if need == "trajectory" else need for need in format.needs]
+    lacks = (_clip_lacks(need, one.clip) for need in needs for one in clips)
+    nobody = "world" in needs and not any(one.clip.valid.any() for one in clips)
+    return next(filter(None, lacks), "has no valid frame" if nobody else "")
 
 
 def _clip_lacks(need: Need, clip: Clip) -> str:
@@ -163,6 +160,8 @@ def export_colmap(clips: Sequence["ExportedClip"], options: ExportOptions) -> Wr
         remark(f"{exported.sequence}: {what}")
         world_of = None
     found = load_background(exported.sfm_dir, world_of)
+    known = found.camera.has_camera & _kept(exported, found.image_numbers)
+    found = replace(found, camera=replace(found.camera, has_camera=known))
     if options.observations == "none":
         numbers = exported.clip.image_numbers.tolist()
         name_of = dict(zip(numbers, _image_names(exported), strict=True))
@@ -226,10 +225,25 @@ def export_tum(clips: Sequence["ExportedClip"], options: ExportOptions) -> Write
     """The camera's or the pelvis's path; frames without one are left out, so times have gaps."""
     from gmrdata.write.cameras import write_tum
 
-    poses, known = _trajectory(clips[0], options.of)
-    clip = clips[0].clip
+    (poses, known), clip = _trajectory(clips[0], options.of), clips[0].clip
+    if options.of == "camera":
+        known = known & _kept(clips[0], clip.image_numbers)
     times_s = times_of(clips[0].images_dir, clip.image_numbers, clip.motion.fps_hz)
     return partial(write_tum, world_from_body=poses[known], times_s=times_s[known])
+
+
+def _kept(exported: "ExportedClip", image_numbers: np.ndarray) -> np.ndarray:
+    """(N,) bool: images whose cameras a video's verdict keeps; all where there is none."""
+    from gmrdata.cameras.files import load_cameras
+    from gmrdata.solve.verdict import VERDICT_FILE, VideoVerdict
+
+    path = exported.clip_path.absolute().parents[1] / VERDICT_FILE
+    if exported.sfm_dir is None or not path.is_file():
+        return np.ones(len(image_numbers), dtype=bool)
+    kept, judged = VideoVerdict.read(path).camera.kept, load_cameras(exported.sfm_dir).image_numbers
+    if len(kept) != len(judged):
+        raise BadRecord(f"{path}: is of {len(kept)} frames, not {len(judged)}; {MAKE_AGAIN}")
+    return ~np.isin(image_numbers, judged[~kept])
 
 
 def times_of(images_dir: Path | None, image_numbers: np.ndarray, fps_hz: float) -> np.ndarray:

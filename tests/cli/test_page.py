@@ -13,7 +13,7 @@ from gmrdata.cli.video import leave_files_and_page
 from gmrdata.export.export import write_files
 from gmrdata.solve.verdict import VERDICT_FILE
 from gmrdata.stage.store import run_stage
-from gmrdata.values.clip import load_clip
+from gmrdata.values.clip import camera_of, load_clip
 from gmrdata.values.files import STAGE_FILE, read_npz
 from gmrdata.world.judge import load_record
 from gmrdata.world.recipe import verdict_of
@@ -89,6 +89,24 @@ def test_frames_that_the_verdict_drops_are_in_no_file_of_cameras_alone(small_bod
     np.testing.assert_allclose(written[:, 0], kept / 10, atol=1e-9)
     np.testing.assert_allclose(written[:, 1:4], path.centres_world_m[kept], atol=1e-9)
     for model in models(folder / "files/colmap"):
+        assert sorted(image - 1 for image in model.images) == kept.tolist()
+        assert model.num_points3D() > 20
+
+
+def test_frames_that_the_verdict_drops_are_in_no_file_of_a_camera_that_films_people(
+    small_body, tmp_path
+):
+    """They were left out of the files of cameras alone."""
+    folder = tmp_path / "walk"
+    solved_video(folder, small_body)
+    camera_verdict("", "the camera jumps", "the camera jumps").write(folder / VERDICT_FILE)
+    assert write_files(folder) == []
+    kept = np.delete(np.arange(N_ROWS), [1, 2])
+    path = camera_of(load_clip(folder / "pseudo_gt" / "person_0.npz"))
+    written = np.loadtxt(folder / "files/tum/walk.txt")
+    np.testing.assert_allclose(written[:, 0], kept / 10, atol=1e-9)
+    np.testing.assert_allclose(written[:, 1:4], path.centres_world_m[kept], atol=1e-9)
+    for model in models(folder / "files/colmap/walk"):
         assert sorted(image - 1 for image in model.images) == kept.tolist()
         assert model.num_points3D() > 20
 
