@@ -52,6 +52,7 @@ USED_BY = {
     "of": ("camera", ("tum", "kitti")),
     "observations": ("keyframes", ("colmap",)),
     "threedpw": (None, ("3dpw",)),
+    "truth": (None, ("rrd",)),
     "which": ("latest", ("onnx",)),
 }
 """Settings that say nothing to most formats: what they are when left out, and whom they are for."""

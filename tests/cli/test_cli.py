@@ -165,6 +165,7 @@ def test_a_broken_motion_file_leaves_nothing_behind(gmrdata, tmp_path, content):
         ("export CLIP --to tum bvh --observations all", "--observations: is for colmap alone"),
         ("export CLIP --to bvh --of person", "--of: is for tum and kitti alone"),
         ("export IN --to onnx --threedpw IN", "--threedpw: is for 3dpw alone"),
+        ("export CLIP --to glb mp4 --truth CLIP", "--truth: is for rrd alone"),
     ],
 )
 def test_a_number_that_cannot_be_and_a_flag_that_does_nothing_are_refused(

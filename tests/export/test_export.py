@@ -140,7 +140,7 @@ def test_a_truth_of_none_of_the_clips_is_refused(manifest, walkers, small_body, 
     truth, out = tmp_path / "truth.npz", tmp_path / "out"
     save_clip(truth, walkers[1], small_body.rest_pelvis_m(walkers[1].motion.shape))
     with pytest.raises(MissingInput, match=r"has none of the clips; there are walk\.p1"):
-        gmrdata.export(manifest, ["tum"], out, truth=truth)
+        gmrdata.export(manifest, ["rrd"], out, truth=truth)
     assert not out.exists()
 
 
