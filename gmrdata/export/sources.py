@@ -222,7 +222,10 @@ def _clip_file(path: Path) -> ClipFiles:
 def _clips_in_folder(folder: Path) -> Iterator[ClipFiles]:
     """The clips of a folder that a stage left; see `list_clips`."""
     if (manifest := _manifest_in(folder)) is not None:
-        truths = _truths_beside(folder)
+        # Of a demo: the rendered clips, the truth of what was regenerated from their frames.
+        rendered, is_demo = folder / "synthetic.yaml", (folder / "pseudo_gt.yaml").is_file()
+        true = _clips_of_manifest(rendered) if is_demo and rendered.is_file() else ()
+        truths = {files.id: files for files in true}
         for files in _clips_of_manifest(manifest):
             yield replace(files, truth_files=truths.get(files.id))
     elif within := [folder / name for name in CLIPS_WITHIN if (folder / name).is_dir()]:
@@ -283,13 +286,6 @@ def _is_manifest(path: Path) -> bool:
         head = stream.read(HEAD_BYTES).decode("utf-8-sig", "replace")
     said = dict(re.findall(r"^(format|kind): *['\"]?([\w/.-]+)", head, re.MULTILINE))
     return said.get("format") in READS and said.get("kind") != "list"
-
-
-def _truths_beside(folder: Path) -> dict[str, ClipFiles]:
-    """Of a demo: the rendered clips by id, the truth of what was regenerated from their frames."""
-    if not all((folder / name).is_file() for name in ("pseudo_gt.yaml", "synthetic.yaml")):
-        return {}
-    return {files.id: files for files in _clips_of_manifest(folder / "synthetic.yaml")}
 
 
 def _clips_of_manifest(path: Path) -> Iterator[ClipFiles]:

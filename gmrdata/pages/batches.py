@@ -145,9 +145,11 @@ def _write_page(found: Solved, paths: SetPaths) -> Row:
     """Write a sequence's page; gives its row in the index."""
     said = found.dataset
     assert said is not None
-    strips, overlay, failure = _read_frames(found, said.files), _overlay_page(found, paths), ""
+    strips, overlay, failure = _read_frames(found, said.files), "", ""
     page, links = paths.pages_dir / page_name(found.name), [("../index.html", "All sequences")]
-    if overlay:
+    # The page of a sequence that `gmrdata page` wrote.
+    if found.folder is not None and (found.folder / PAGE).is_file():
+        overlay = (found.folder / PAGE).relative_to(paths.root).as_posix()
         links.append((quote(f"../{overlay}"), "Overlay and files"))
     if said.files is not None:
         message = paths.failures_dir / f"{said.files.name}.txt"
@@ -167,14 +169,6 @@ def _write_page(found: Solved, paths: SetPaths) -> Row:
         Cell("video", href=quote(overlay)) if overlay else "",
         Cell(_note(verdict, found.reasons), kind="words-cell"),
     )
-
-
-def _overlay_page(found: Solved, paths: SetPaths) -> str:
-    """The page of a sequence that `gmrdata page` wrote, from the set's folder; empty without."""
-    if found.folder is None:
-        return ""
-    page = found.folder / PAGE
-    return page.relative_to(paths.root).as_posix() if page.is_file() else ""
 
 
 def _note(verdict: SequenceVerdict, reasons: Sequence[Sequence[str]]) -> str:

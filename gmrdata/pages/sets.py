@@ -164,17 +164,16 @@ def preview_set(
     drawn = [take for take in selection.takes if take.id in outcome.results]
     title = f"{recipe.name} {recipe.version}: preview"
     lead = "clips. Quick drawings to look at: the set's own frames have other light and colours."
-    sections = [_preview_section(take.id, take.camera_motion) for take in drawn]
+    captions = (frames.CONTACT_FILE, "Evenly spaced frames."), (PATHS_FILE, "Paths.")
+    sections = [
+        {"id": take.id, "title": f"{take.id}, {take.camera_motion}", "folder": f"clips/{take.id}",
+         "rows": (), "captions": [(file, take.id, said) for file, said in captions]}
+        for take in drawn
+    ]  # fmt: skip
     page = render("clips", title=title, lead=f"{len(drawn)} {lead}", table=None, clips=sections)
     index = write_page(out_dir / "index.html", page)
     raise_failures("preview", reasons | outcome.reasons, len(selection.takes), failures_dir)
     return index
-
-
-def _preview_section(id: str, camera_motion: str) -> dict[str, object]:
-    section = {"id": id, "title": f"{id}, {camera_motion}", "folder": f"clips/{id}"}
-    captions = ((frames.CONTACT_FILE, id, "Evenly spaced frames."), (PATHS_FILE, id, "Paths."))
-    return {**section, "rows": (), "captions": captions}
 
 
 def preview_clip(job: rendering.RenderJob, engine: rendering.PreviewEngine, *, run: Run) -> Path:

@@ -41,11 +41,6 @@ class Reconstruction:
     tracks: Tracks | None  # of the same frames and points; None likewise
 
     @property
-    def has_errors(self) -> bool:
-        """Whether it has observations, as six degrees of freedom have."""
-        return self.quality is not None and self.tracks is not None and len(self.tracks.rows) > 0
-
-    @property
     def errors_px(self) -> np.ndarray:
         """(M,) mean reprojection error of what each image sees [px]; NaN where nothing is known."""
         path, tracks = self.cameras.path, self.tracks

@@ -251,7 +251,7 @@ def _overlay(found: Solved) -> dict[str, object]:
     """Make the overlay, if it is not there, and say what stands beside it."""
     footage = footage_of(found)
     folder = make_overlay(found, footage)
-    rows, rate_hz = shown_rows(footage.times_s, footage.fps_hz)
+    _, rate_hz = shown_rows(footage.times_s, footage.fps_hz)
     video = folder / OVERLAY_FILE
     return {
         "video": quote(f"{OVERLAY}/{OVERLAY_FILE}"),
@@ -262,7 +262,6 @@ def _overlay(found: Solved) -> dict[str, object]:
         "without_camera": int((~footage.camera.has_camera).sum()),
         "people": [one.id for one in found.people],
         "marks": found.is_alone and _marks_words(found, footage),
-        "n_pictures": len(rows),
         "fits": list(_fits_in_words(found)),
         "is_off": bool(footage.off.any()),
     }
@@ -459,13 +458,14 @@ def _reconstruction_rows(cameras: CamerasQuality) -> list[tuple[str, object]]:
 
 def _lens(found: Solved, camera: CameraPath) -> dict[str, object]:
     """The intrinsics, where they came from, and how well they are known."""
-    lens = found.intrinsics
+    lens, sides_px = found.intrinsics, np.array([camera.width_px, camera.height_px])
     focal_px, centre_px = np.diag(camera.intrinsics_px)[:2], camera.intrinsics_px[:2, 2]
+    angles = np.arctan(centre_px / focal_px) + np.arctan((sides_px - centre_px) / focal_px)
     numbers = dict.fromkeys(f"{one:.1f}" for one in focal_px.tolist())
     error = "" if lens is None else f" ± {100 * lens.focal_sigma:.2g} %"
     rows: list[tuple[str, object]] = [
         ("Focal length", f"{' and '.join(numbers)} px{error}"),
-        ("Field of view", _field_of_view(camera)),
+        ("Field of view", "{:.1f}° by {:.1f}°".format(*np.rad2deg(angles))),
         ("Principal point", "{:.1f}, {:.1f} px".format(*centre_px.tolist())),
         ("Picture", f"{camera.width_px}×{camera.height_px} px"),
         ("Where it comes from", GIVEN_AS_IT_IS if lens is None else SOURCES[lens.source]),
@@ -479,14 +479,6 @@ def _lens(found: Solved, camera: CameraPath) -> dict[str, object]:
         lens = None if lens is None else beside_cameras(lens, found.cameras)
     objections, notes = ((), ()) if lens is None else (lens.objections, lens.notes)
     return {"rows": rows, "objections": objections, "notes": notes}
-
-
-def _field_of_view(camera: CameraPath) -> str:
-    sides_px = np.array([camera.width_px, camera.height_px])
-    focal_px, centre_px = np.diag(camera.intrinsics_px)[:2], camera.intrinsics_px[:2, 2]
-    angles = np.arctan(centre_px / focal_px) + np.arctan((sides_px - centre_px) / focal_px)
-    wide_deg, high_deg = np.rad2deg(angles)
-    return f"{wide_deg:.1f}° by {high_deg:.1f}°"
 
 
 def _downloads(found: Solved, left_out: Sequence[tuple[str, str]]) -> dict[str, object]:

@@ -30,7 +30,7 @@ def _panels(found: Solved) -> list[Callable[[Axes], None]]:
     if found.world_from_cam is None:
         return []
     panels = [lambda axes: _plot_inliers(axes, found, config.min_inliers)]
-    if solved is not None and solved.has_errors:
+    if solved is not None and np.isfinite(solved.errors_px).any():
         panels.append(lambda axes: _plot_errors(axes, found, solved, config.max_reprojection_px))
     if (apart := found.window_differences()) is not None:
         span = f"over {config.window_s:g} s from the data set’s own camera"

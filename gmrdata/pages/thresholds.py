@@ -129,6 +129,8 @@ def frame_rows(found: Solved) -> list[Row]:
     speed_m_per_s = fps_hz * np.linalg.norm(moves[:, :3, 3], axis=1)
     turn_deg_per_s = fps_hz * np.rad2deg(angles_rad(moves[:, :3, :3]))
     inliers = np.array([] if found.cameras is None else found.cameras.inliers_per_frame, float)
+    # An interpolated camera has none of its own, and its frame is kept.
+    inliers[[] if found.cameras is None else list(found.cameras.interpolated)] = np.nan
     rows = [
         _worst("fewest inliers", inliers, config.min_inliers, least=True),
         _worst("fastest camera [m/s]", speed_m_per_s, config.max_speed_m_per_s),

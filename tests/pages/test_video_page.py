@@ -16,7 +16,7 @@ from gmrdata.pages.footage import BAR_PX, Footage, footage_of
 from gmrdata.pages.fusion import plot_person
 from gmrdata.pages.gather import gather_video
 from gmrdata.pages.solved_page import make_overlay, make_video_page
-from gmrdata.pages.thresholds import verdict_rows
+from gmrdata.pages.thresholds import frame_rows, verdict_rows
 from gmrdata.pages.view3d import view_of
 from gmrdata.solve.verdict import VERDICT_FILE, VideoVerdict, unsolved
 from gmrdata.values.clip import load_clip, save_clip
@@ -166,6 +166,18 @@ def test_one_who_comes_late_is_accepted_by_the_frames_that_show_them(small_body,
     assert said[gains] == ("0.09", "≤ 0.08, or < 0.5 there", True)
     other = "compared frames in which another body lies where that of person 0 does [%]"
     assert said[other] == ("62.5", "≤ 50", False)
+
+
+def test_an_interpolated_camera_without_inliers_is_beyond_no_threshold(copied):
+    """Its frame is kept, and was counted among those that are dropped."""
+    found = gather_video(copied)
+    record, fewest = found.record, frame_rows(found)[0]
+    assert record is not None and record.cameras is not None and fewest.met
+    counts = (0, *record.cameras.inliers_per_frame[1:])
+    between = {"inliers_per_frame": counts, "interpolated": (0,)}
+    cameras = record.cameras.model_copy(update=between)
+    seen = replace(found, record=record.model_copy(update={"cameras": cameras}))
+    assert frame_rows(seen)[0] == fewest
 
 
 def test_people_with_the_network_s_motions_are_shown_in_all_frames(small_body, run_dir, tmp_path):
