@@ -249,8 +249,8 @@ def _clips_in_folder(folder: Path) -> Iterator[ClipFiles]:
 def _without_clips(folder: Path) -> str:
     """What a folder without clips is, and what to name or look at instead."""
     if (folder / SFM / CAMERAS_FILE).is_file():
-        there = f"The COLMAP model and the TUM path of accepted cameras are in {folder / FILES}"
-        return f"holds cameras alone, and an export is of people. {there}"
+        leaves = "`gmrdata video` leaves a COLMAP model and a TUM path of accepted cameras"
+        return f"holds cameras alone, and an export is of people. {leaves} in {folder / FILES}"
     what = "no manifest, and no folder that a stage of gmrdata left with clips"
     return f"{what}. Name a manifest (.yaml) or a clip's file (.npz)"
 
