@@ -284,12 +284,8 @@ def _judge(reader: Reader, found: Solved) -> Verdict | None:
     """The verdict on cameras of which no record has one."""
     if found.folder is None or found.reconstruction is None:
         return None
-    config, rate_hz = found.config.verdict, _rate_hz(found, UNKNOWN_FPS_HZ)
+    config, rate_hz = found.config.verdict, found.fps_hz if found.clips else UNKNOWN_FPS_HZ
     return reader.read(lambda folder: judge_cameras(folder, rate_hz, config), found.folder / SFM)
-
-
-def _rate_hz(found: Solved, said_hz: float) -> float:
-    return found.fps_hz if found.clips else said_hz
 
 
 def _with_frames(reader: Reader, found: Solved, frames_dir: Path, said_hz: float) -> Solved:
@@ -301,7 +297,7 @@ def _with_frames(reader: Reader, found: Solved, frames_dir: Path, said_hz: float
     elif found.reconstruction is not None:
         numbers = found.reconstruction.cameras.image_numbers
     video = reader.read(video_record, frames_dir)
-    times_s = np.arange(len(numbers)) / _rate_hz(found, said_hz)
+    times_s = np.arange(len(numbers)) / (found.fps_hz if found.clips else said_hz)
     if video is not None and len(numbers):
         own_s = video.times_of(numbers)  # the video's own, as far as it knows them all
         if np.isfinite(own_s).all() and (np.diff(own_s) > 0).all():

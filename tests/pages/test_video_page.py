@@ -148,6 +148,18 @@ def test_a_rejected_video_says_so_first_and_warns_of_its_files(small_body, tmp_p
     assert "✗≥ 50" in page.words
     assert "fewer than 101 inliers" in page.words and "no camera was found" in page.words
     assert "these files are for looking, not for use" in page.words
+    assert "frames within the thresholds, but rejected" in page.words
+
+
+def test_frames_of_a_rejected_person_are_not_kept_beside_an_accepted_one(copied):
+    """The bar below the picture said that they are, and lines of files break off there."""
+    found = gather_video(copied)
+    first, second = 12 * [""] + (N_ROWS - 12) * ["the camera jumps"], N_ROWS * [""]
+    people = verdict_of("walk", True, (), first), verdict_of("it", False, ("it floats",), second)
+    assert found.record is not None
+    record = found.record.model_copy(update={"people": people, "picture_fits": (None, None)})
+    both = replace(found, record=record, reasons=(tuple(first), tuple(second)))
+    assert footage_of(both).dropped.tolist() == 12 * [False] + (N_ROWS - 12) * [True]
 
 
 def test_one_who_comes_late_is_accepted_by_the_frames_that_show_them(small_body, tmp_path):
