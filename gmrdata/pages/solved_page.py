@@ -492,6 +492,7 @@ def _downloads(found: Solved, left_out: Sequence[tuple[str, str]]) -> dict[str, 
     return {
         "offers": [offer for offer in (*own, *exported) if offer[-1]],
         "exported": any(links for *_, links in exported),
+        "rejected": np.array(found.row_names)[np.logical_not(found.accepted)].tolist(),
         "left_out": left_out,
         "most": MOST_LINKS,
     }

@@ -160,6 +160,10 @@ def test_frames_of_a_rejected_person_are_not_kept_beside_an_accepted_one(copied)
     record = found.record.model_copy(update={"people": people, "picture_fits": (None, None)})
     both = replace(found, record=record, reasons=(tuple(first), tuple(second)))
     assert footage_of(both).dropped.tolist() == 12 * [False] + (N_ROWS - 12) * [True]
+    said = "Rejected: person 1. Files of those are for looking, not for use."
+    for shown, is_said in ((both, True), (found, False)):
+        html = solved_page.solved_page(shown, copied / "index.html")
+        assert (said in html, "for looking" in html) == (is_said, is_said)
 
 
 def test_one_who_comes_late_is_accepted_by_the_frames_that_show_them(small_body, tmp_path):
