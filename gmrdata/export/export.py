@@ -351,11 +351,12 @@ def write_files(
 def _write_cameras(out_dir: Path, images: Path, verdict: VideoVerdict) -> None:
     """Cameras alone, in the frames that the verdict keeps, as a COLMAP model and as TUM's
     trajectory, in their own unit and world."""
-    sfm_dir, colmap = out_dir / SFM, out_dir / FILES / "colmap"
+    sfm_dir, model = out_dir / SFM, Unit("colmap", "", out_dir / FILES / "colmap", ())
     found = load_background(sfm_dir, None)
     known = found.camera.has_camera & verdict.camera.kept
     found = replace(found, camera=replace(found.camera, has_camera=known))
     names, points = seen_points(found, sfm_dir, "keyframes")
-    write_background(colmap, found, names, points, images)
+    with _whole(model) as partial:
+        write_background(partial, found, names, points, images)
     times_s = times_of(images, found.image_numbers, verdict.fps_hz)[known]
     write_tum(out_dir / FILES / "tum" / "camera.txt", found.camera.world_from_cam[known], times_s)

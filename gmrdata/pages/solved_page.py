@@ -299,8 +299,7 @@ def _view(found: Solved, page: Path) -> dict[str, object]:
 def _marks_words(found: Solved, footage: Footage) -> str:
     if not len(footage.marks.world_m):
         return ""
-    solved = found.reconstruction
-    if solved is not None and solved.cameras.geometry == "full":
+    if found.reconstruction is not None and found.reconstruction.cameras.geometry == "full":
         return "background points that the cameras were found with"
     return "a grid of directions, 10° apart"
 

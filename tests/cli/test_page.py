@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pycolmap
+import pytest
 import trimesh
 
 from gmrdata.cameras.files import load_cameras
@@ -17,6 +18,7 @@ from gmrdata.values.clip import camera_of, load_clip
 from gmrdata.values.files import STAGE_FILE, read_npz
 from gmrdata.world.judge import load_record
 from gmrdata.world.recipe import verdict_of
+from gmrdata.write import cameras
 from gmrdata.write.amass import write_amass
 from tests.film.set_kills import contents
 from tests.fixtures.command_line import fails_cleanly
@@ -91,6 +93,29 @@ def test_frames_that_the_verdict_drops_are_in_no_file_of_cameras_alone(small_bod
     for model in models(folder / "files/colmap"):
         assert sorted(image - 1 for image in model.images) == kept.tolist()
         assert model.num_points3D() > 20
+
+
+def test_a_model_of_cameras_alone_is_whole_or_not_there(small_body, tmp_path, monkeypatch):
+    """On a full disk half of it stayed, where that of people was taken away."""
+    folder = tmp_path / "walk"
+    solved_video(folder, small_body, person=False)
+    camera_verdict().write(folder / VERDICT_FILE)
+
+    def full(*_: object) -> None:
+        raise OSError("the disk is full")
+
+    with monkeypatch.context() as disk:
+        disk.setattr(cameras, "_require_whole", full)
+        with pytest.raises(OSError, match="full"):
+            write_files(folder)
+    assert not list((folder / "files").rglob("*.bin"))
+    (folder / "files" / "colmap").mkdir(exist_ok=True)
+    (folder / "files" / "colmap" / "notes.txt").write_text("mine")
+    assert write_files(folder) == []
+    assert len(models(folder / "files/colmap")[0].images) == N_ROWS
+    assert (folder / "files" / "colmap" / "notes.txt").read_text() == "mine"
+    there = sorted(path.name for path in (folder / "files").iterdir())
+    assert there == ["colmap", "tum"]
 
 
 def test_frames_that_the_verdict_drops_are_in_no_file_of_a_camera_that_films_people(
