@@ -12,6 +12,7 @@ from gmrdata.export.formats import (
     FormatName,
     Seen,
     Trajectory,
+    kept_images,
     not_held,
     seen_points,
     times_of,
@@ -340,7 +341,7 @@ def write_files(
             into = TAKEN_ALONG, out_dir / FILES
             results = export(people_dir, *into, clips=ids, body=body, images=images, redo=True)
         elif verdict_path.is_file() and (verdict := VideoVerdict.read(verdict_path)).accepted:
-            _write_cameras(out_dir, images or out_dir / FRAMES, verdict)
+            _write_cameras(out_dir, images or out_dir / FRAMES, verdict.fps_hz)
     except (GmrdataError, ValueError) as error:
         return [("all formats", str(error))]
     return [
@@ -348,15 +349,15 @@ def write_files(
     ]
 
 
-def _write_cameras(out_dir: Path, images: Path, verdict: VideoVerdict) -> None:
+def _write_cameras(out_dir: Path, images: Path, fps_hz: float) -> None:
     """Cameras alone, in the frames that the verdict keeps, as a COLMAP model and as TUM's
     trajectory, in their own unit and world."""
     sfm_dir, model = out_dir / SFM, Unit("colmap", "", out_dir / FILES / "colmap", ())
     found = load_background(sfm_dir, None)
-    known = found.camera.has_camera & verdict.camera.kept
+    known = found.camera.has_camera & kept_images(sfm_dir, found.image_numbers)
     found = replace(found, camera=replace(found.camera, has_camera=known))
     names, points = seen_points(found, sfm_dir, "keyframes")
     with _whole(model) as partial:
         write_background(partial, found, names, points, images)
-    times_s = times_of(images, found.image_numbers, verdict.fps_hz)[known]
+    times_s = times_of(images, found.image_numbers, fps_hz)[known]
     write_tum(out_dir / FILES / "tum" / "camera.txt", found.camera.world_from_cam[known], times_s)

@@ -160,7 +160,7 @@ def export_colmap(clips: Sequence["ExportedClip"], options: ExportOptions) -> Wr
         remark(f"{exported.sequence}: {what}")
         world_of = None
     found = load_background(exported.sfm_dir, world_of)
-    known = found.camera.has_camera & _kept(exported, found.image_numbers)
+    known = found.camera.has_camera & kept_images(exported.sfm_dir, found.image_numbers)
     found = replace(found, camera=replace(found.camera, has_camera=known))
     if options.observations == "none":
         numbers = exported.clip.image_numbers.tolist()
@@ -227,20 +227,19 @@ def export_tum(clips: Sequence["ExportedClip"], options: ExportOptions) -> Write
 
     (poses, known), clip = _trajectory(clips[0], options.of), clips[0].clip
     if options.of == "camera":
-        known = known & _kept(clips[0], clip.image_numbers)
+        known = known & kept_images(clips[0].sfm_dir, clip.image_numbers)
     times_s = times_of(clips[0].images_dir, clip.image_numbers, clip.motion.fps_hz)
     return partial(write_tum, world_from_body=poses[known], times_s=times_s[known])
 
 
-def _kept(exported: "ExportedClip", image_numbers: np.ndarray) -> np.ndarray:
+def kept_images(sfm_dir: Path | None, image_numbers: np.ndarray) -> np.ndarray:
     """(N,) bool: images whose cameras a video's verdict keeps; all where there is none."""
     from gmrdata.cameras.files import load_cameras
     from gmrdata.solve.verdict import VERDICT_FILE, VideoVerdict
 
-    path = exported.clip_path.absolute().parents[1] / VERDICT_FILE
-    if exported.sfm_dir is None or not path.is_file():
+    if sfm_dir is None or not (path := sfm_dir.with_name(VERDICT_FILE)).is_file():
         return np.ones(len(image_numbers), dtype=bool)
-    kept, judged = VideoVerdict.read(path).camera.kept, load_cameras(exported.sfm_dir).image_numbers
+    kept, judged = VideoVerdict.read(path).camera.kept, load_cameras(sfm_dir).image_numbers
     if len(kept) != len(judged):
         raise BadRecord(f"{path}: is of {len(kept)} frames, not {len(judged)}; {MAKE_AGAIN}")
     return ~np.isin(image_numbers, judged[~kept])

@@ -136,6 +136,19 @@ def test_frames_that_the_verdict_drops_are_in_no_file_of_a_camera_that_films_peo
         assert model.num_points3D() > 20
 
 
+def test_a_verdict_on_other_frames_is_named(small_body, tmp_path):
+    """Of cameras alone the reason was that "operands could not be broadcast together"."""
+    for person, wanted in ((False, ["all formats"]), (True, ["colmap of walk", "tum of walk"])):
+        folder = tmp_path / str(person) / "walk"
+        solved_video(folder, small_body, person=person)
+        said = camera_verdict()
+        short = verdict_of("camera", True, (), 5 * [""])
+        said.model_copy(update={"camera": short}).write(folder / VERDICT_FILE)
+        left_out = write_files(folder)
+        assert [what for what, _ in left_out] == wanted
+        assert all(f"of 5 frames, not {N_ROWS}" in why for _, why in left_out)
+
+
 def test_what_others_made_beside_a_colmap_model_stays(small_body, tmp_path):
     folder = tmp_path / "walk"
     solved_video(folder, small_body)
