@@ -186,8 +186,7 @@ class Solved:
 
     @property
     def kept(self) -> np.ndarray:
-        """(T,) bool: frames that are kept for somebody; of those who are all rejected, the frames
-        within the thresholds."""
+        """(T,) bool: frames kept for somebody; where all are rejected, within the thresholds."""
         good = [of for of, accepted in zip(self.reasons, self.accepted, strict=True) if accepted]
         return np.any([[not reason for reason in of] for of in good or self.reasons], axis=0)
 

@@ -10,7 +10,7 @@ from matplotlib.ticker import MaxNLocator
 
 from gmrdata.pages import plots
 from gmrdata.pages.plots import COLOURS
-from gmrdata.pages.solved import Aligned, Reconstruction, Solved, kinds_of
+from gmrdata.pages.solved import Aligned, Solved, kinds_of
 from gmrdata.values import transforms
 from gmrdata.values.clip import text_runs
 from gmrdata.world.recipe import CueEstimate
@@ -30,8 +30,10 @@ def _panels(found: Solved) -> list[Callable[[Axes], None]]:
     if found.world_from_cam is None:
         return []
     panels = [lambda axes: _plot_inliers(axes, found, config.min_inliers)]
-    if solved is not None and np.isfinite(solved.errors_px).any():
-        panels.append(lambda axes: _plot_errors(axes, found, solved, config.max_reprojection_px))
+    if solved is not None and np.isfinite(errors_px := found.per_frame(solved.errors_px)).any():
+        # The threshold is that of the sequence's mean: a frame beyond it is marked, not dropped.
+        most_px, of_frames = config.max_reprojection_px, "Mean reprojection error per frame [px]"
+        panels.append(lambda axes: _plot_beside(axes, errors_px, most_px, of_frames))
     if (apart := found.window_differences()) is not None:
         span = f"over {config.window_s:g} s from the data set’s own camera"
         turn, way = f"Turn: difference {span} [°]", f"Way: difference {span} [m]"
@@ -79,12 +81,6 @@ def _plot_inliers(axes: Axes, found: Solved, fewest: int) -> None:
     between = found.frames_of(found.cameras.interpolated)
     axes.plot(between, 0.0 * between, "d", color=COLOURS["bad"], markersize=4, zorder=4)
     axes.yaxis.set_major_locator(MaxNLocator(4, integer=True))
-
-
-def _plot_errors(axes: Axes, found: Solved, solved: Reconstruction, most_px: float) -> None:
-    errors_px = found.per_frame(solved.errors_px)
-    # The threshold is one for the mean of the sequence: a frame beyond it is marked, not dropped.
-    _plot_beside(axes, errors_px, most_px, "Mean reprojection error per frame [px]")
 
 
 def _plot_beside(

@@ -11,6 +11,7 @@ from gmrdata.cameras.recipe import CamerasVerdictConfig
 from gmrdata.pages.html import Cell, Table
 from gmrdata.pages.report_data import NO_FIGURE
 from gmrdata.pages.solved import Solved
+from gmrdata.threedpw.intrinsics_check import FocalEstimate, IntrinsicsConfig
 from gmrdata.values.camera_motion import MotionClassConfig, MotionFigures
 from gmrdata.values.records import compared
 from gmrdata.values.transforms import angles_rad
@@ -41,10 +42,8 @@ def verdict_rows(found: Solved) -> list[Row]:
     rows += _scale_rows(found.record, found.config)
     rows += _kept_rows(found) + _fit_rows(found)
     if (said := found.dataset) is not None:
-        focal, most = None if said.people is None else said.people.focal, said.intrinsics
-        factor, sigma = (None, None) if focal is None else (focal.factor, focal.sigma)
-        deviation, sigmas = most.max_focal_deviation, most.sigmas
-        rows.append(_focal_row("the 2D keypoints", factor, sigma, deviation, sigmas))
+        focal = None if said.people is None else said.people.focal
+        rows.append(focal_row(focal, said.intrinsics))
     return rows
 
 
@@ -194,6 +193,12 @@ def _fit_rows(found: Solved) -> list[Row]:
         name = f"compared frames in which another body lies where that of person {person} does [%]"
         rows += [row, _row(name, doubled, config.max_doubled_share, unit=100)]
     return rows
+
+
+def focal_row(focal: FocalEstimate | None, config: IntrinsicsConfig) -> Row:
+    """What the 2D keypoints of 3DPW ask for."""
+    factor, sigma = (None, None) if focal is None else (focal.factor, focal.sigma)
+    return _focal_row("the 2D keypoints", factor, sigma, config.max_focal_deviation, config.sigmas)
 
 
 def _focal_row(
