@@ -342,7 +342,7 @@ def test_redo_believes_no_remembered_hash(tmp_path, run_dir, body_path):
     out = infer(run_dir, path, tmp_path / "out", QUICK, body_path=body_path)
     digest = store.sha256_of_file(path)
     write_joblib(path, {0: vibe_person(30)})
-    known = store.KnownFile(digest, store._state(path)[1])
+    known = store.KnownFile(digest, store.file_state(path)[1])
     store.InputsRecord(files={"poses_motion": known}).write(tmp_path / ".out.inputs")
     for redo, n_frames in ((False, 20), (True, 30)):
         infer(run_dir, path, out, QUICK, run=Run(redo=redo), body_path=body_path)
