@@ -67,7 +67,7 @@ from gmrdata.values.people import (
     LocalPosesRecord,
     PersonFiles,
 )
-from gmrdata.world.bodies import BODIES_FILE, BodiesRecord, make_bodies
+from gmrdata.world.bodies import BODIES_FILE, BodiesRecord, check_people, make_bodies
 from gmrdata.world.picture_fit import PeopleMasks
 from gmrdata.world.pseudo_gt import WorldEvidence, make_pseudo_gt
 from gmrdata.world.recipe import PseudoGtConfig, save_gravity
@@ -109,6 +109,7 @@ def solve(
     judged = _records(out_dir) if any((out_dir / name).exists() for name in results) else None
     body_path = _body(request, out_dir, run)
     frames = _frames(request, out_dir, run)
+    _require_of_frames(request, frames, config)
     solved = Solved(request, out_dir, config, frames, run, body_path)
     solved = replace(solved, gravity_path=_gravity(request, out_dir, frames))
     for step in (_followed, _masks, _lens, _cameras, _cameras_again, _people, _world):
@@ -174,10 +175,18 @@ def _drop(folders: Sequence[Path], run: Run, what: str) -> None:
 def _frames(request: SolveRequest, out_dir: Path, run: Run) -> FrameSet:
     left_out, into = request.given.left_out, out_dir / FRAMES
     frames = as_frames(request.source, into, request.part, left_out=left_out, run=run)
-    if request.lens is not None:  # before hours of masks
-        given_lens(request.lens, frames.size_px)
     is_given = isinstance(request.people, GivenPeople)
     return frames if is_given else frames.with_rate(request.fps_hz)
+
+
+def _require_of_frames(request: SolveRequest, frames: FrameSet, config: SolveConfig) -> None:
+    """Refuse a lens, or people of a system, that can't be of these frames, before hours of masks
+    and cameras."""
+    people = request.people
+    if request.lens is not None:
+        given_lens(request.lens, frames.size_px)
+    if isinstance(people, EstimatedPeople) and people.results_path is not None and people.asked:
+        check_people(people.results_path, frames, config.bodies)
 
 
 def _gravity(request: SolveRequest, out_dir: Path, frames: FrameSet) -> Path | None:

@@ -154,6 +154,13 @@ def make_bodies(
     return tuple(PersonFiles(out_dir / person_file(n), body_path) for n in range(len(people)))
 
 
+def check_people(poses_path: Path, frames: FrameSet, config: BodiesConfig) -> None:
+    """Refuse people of other frames; errors as of `make_bodies`, as far as frames tell."""
+    found = read_system(poses_path, "camera")
+    _check_frames(found, poses_path, frames, config)
+    _seen_enough(found, poses_path, frames, config)
+
+
 def _write(
     found: EstimatedPeople,
     poses_path: Path,

@@ -182,7 +182,7 @@ def test_a_video_without_a_camera_path_is_rejected_with_the_reason(tmp_path, gmr
 
 
 def test_poses_of_another_video_are_refused(filmed_set, neutral, solved, tmp_path, gmrdata):
-    """By their frames, or by the size of their images."""
+    """By their frames, before hours of masks and cameras; or by the size of their images."""
     out = tmp_path / "out"
     out.mkdir()
     (out / "sfm").symlink_to(solved / "sfm")  # which need not be made again
@@ -198,6 +198,7 @@ def test_poses_of_another_video_are_refused(filmed_set, neutral, solved, tmp_pat
     half = system_files.write_torch(tmp_path / "a.pt", system_files.gvhmr_result(seen, 18))
     said = "is of 18 frames, and the video has 36, about every 2th"
     fails_cleanly(gmrdata(*given, "--poses", half), said)
+    assert not (out / "intrinsics").exists()  # said before lens, masks and cameras were sought
     large = replace(seen, size_px=(HEIGHT_PX, WIDTH_PX))
     turned = system_files.write_torch(tmp_path / "b.pt", system_files.gvhmr_result(large))
     fails_cleanly(gmrdata(*given, "--poses", turned), "a turned one's")
