@@ -10,7 +10,6 @@ from gmrdata.cli import options as flags
 from gmrdata.cli.answers import answer, print_table
 from gmrdata.cli.gmr import Weights
 from gmrdata.export.formats import FORMATS, NETWORK, FormatName, Seen, Trajectory
-from gmrdata.stage.progress import remark
 from gmrdata.values.errors import StageFailed
 
 if TYPE_CHECKING:
@@ -74,11 +73,10 @@ def _say(results: "Sequence[Exported]", out: Path) -> None:
     written = [one.unit for one in results if not one.left_out]
     for path in dict.fromkeys(out / unit.format if unit.ids else unit.path for unit in written):
         answer(path)
-    left_out = [one for one in results if one.left_out]
-    for unit, reason in left_out:
-        remark(f"{unit.name}: no {unit.format}: {reason}")
+    left_out = [(unit, reason) for unit, reason in results if reason]
+    listed = "".join(f"\n  {unit.name}: no {unit.format}: {reason}" for unit, reason in left_out)
     if left_out:
-        raise StageFailed(f"{len(left_out)} of {len(results)} could not be written, see above")
+        raise StageFailed(f"{len(left_out)} of {len(results)} could not be written:{listed}")
 
 
 def _planned(one: "Exported", redo: bool) -> tuple[str, str, str, str]:

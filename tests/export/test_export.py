@@ -67,6 +67,16 @@ def test_what_can_be_written_is_and_the_rest_is_named(manifest, tmp_path, gmrdat
     assert np.abs(np.array(read.poses_se3) - camera.world_from_cam[rows]).max() < 1e-9
 
 
+def test_a_quiet_command_says_why_a_clip_was_left_out(manifest, tmp_path, gmrdata):
+    arguments = ("export", manifest, "--to", "tum", "--clips", "alone", "--out", tmp_path / "out")
+    answer = gmrdata(*arguments, "-q")
+    assert answer.returncode == 1
+    assert answer.stderr.splitlines() == [
+        "gmrdata: 1 of 1 could not be written:",
+        "  alone: no tum: has no camera",
+    ]
+
+
 def test_the_way_of_the_person(manifest, tmp_path, gmrdata):
     out = tmp_path / "out"
     said = gmrdata("export", manifest, "--to", "tum", "kitti", "--of", "person", "--out", out)
