@@ -125,9 +125,10 @@ def compare_records(
     rng = np.random.default_rng(config.seed)
     of_runs = [[found[id] for id in common] for found in clips]
     first = records[0].protocol
-    left_out = None if first is None else _several_rates(first, of_runs, names)
     if any(record.protocol != first for record in records):
-        left_out = _several_protocols(records, names)
+        left_out: str | None = _several_protocols(records, names)
+    else:
+        left_out = None if first is None else _several_rates(first, of_runs, names)
     protocol = None if left_out else first
     return Comparison(
         runs=tuple(names),

@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from scipy.stats import bootstrap
 
 from gmrdata.pages.scores import write_comparison_page
+from gmrdata.score import METRICS
 from gmrdata.score.compare import CompareConfig, compare
 from gmrdata.score.protocols import PROTOCOLS, protocol_as
 from gmrdata.score.records import PaperMetrics, Protocol
@@ -53,7 +54,7 @@ def write_scores(
             zero=figures(zero or float(len(id))),
             n_motions=10,
             world=dict.fromkeys(measured, value / 100) if protocol else None,
-            protocol_fps_hz=protocol_fps_hz,
+            protocol_fps_hz=protocol_fps_hz if protocol else None,
         )
         for id, value in values.items()
     ]
@@ -126,6 +127,21 @@ def test_a_protocol_is_compared_where_all_have_it(tmp_path):
     switched = protocol_as("wham", ("gaps",))
     paths[2] = write_scores(tmp_path / "d", values, "d", protocol=switched)
     assert "d by wham --original gaps" in compared(paths, tmp_path / "gaps")["protocol_left_out"]
+
+
+def test_a_run_with_a_protocol_is_compared_with_one_without(tmp_path):
+    """It ended in a TypeError: without a protocol there is no rate of its frames."""
+    wham, values = of_protocol("wham", "rte_percent"), {"x": 10.0, "yy": 20.0}
+    with_it = write_scores(tmp_path / "a", values, "a", protocol=wham)
+    without = write_scores(tmp_path / "b", values, "b")
+    for paths, said in (
+        ((with_it, without), "a by wham, b by none"),
+        ((without, with_it), "b by none, a by wham"),
+    ):
+        found = compared(list(paths), tmp_path / said)
+        assert found["protocol"] is None and set(found["metrics"]) == set(METRICS)
+        whole = f"Protocols differ and are left out: {said}. Score all by one."
+        assert found["protocol_left_out"] == whole
 
 
 def test_a_protocol_is_compared_at_one_rate(tmp_path):
