@@ -180,6 +180,9 @@ class TableRecipe(Config):
 
 def load_table(name: str) -> TableRecipe:
     """A table's recipe by its number, or a YAML file; each setting of each row is tried."""
+    if name in ("7", "8"):
+        what = f"is a list of clips, not of trainings: the manifest paper_table{name}.yaml"
+        raise BadRecipe(f"table {name}: {what}. Give 1 to 6, 9 or 10 (docs/tables.md)")
     path = recipe_path(f"paper/table{name}") if name.isdecimal() else find_recipe(name)
     recipe = load_recipe(path, TableRecipe)
     for row in recipe.rows:

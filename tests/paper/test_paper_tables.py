@@ -102,6 +102,9 @@ def test_every_table_of_the_paper_loads():
         recipe = load_table(name.removeprefix("paper/table"))
         assert recipe.table == int(name.removeprefix("paper/table"))
         assert recipe.scales.keys() == {"paper", "small"}
+    for name in ("7", "8"):  # it was "did you mean 'paper/table9'?"
+        with pytest.raises(BadRecipe, match=f"the manifest paper_table{name}.yaml"):
+            load_table(name)
 
 
 @pytest.mark.parametrize(
