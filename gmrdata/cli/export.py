@@ -42,7 +42,7 @@ def export(
 
     Args:
         source: A manifest, a clip's file, or the folder of a video, a rendered set, sfm, threedpw,
-            floor, motions, infer, a baseline, a demo, or clips' files; for onnx of a training.
+            floor, motions, infer, a baseline, a demo, or clips' files; onnx: a training or bundled.
         out: Output folder: <format>/<clip id>.
         clips: Names of the clips to write; all when left out.
         of: The trajectory in tum and kitti: of the camera, or of the person's pelvis.

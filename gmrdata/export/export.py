@@ -98,7 +98,7 @@ def export(
     A clip that can't be read, or that a format can't hold, is left out with its reason.
 
     Args:
-        source: A manifest, a clip's file, or a folder that a stage left.
+        source: A manifest, a clip's file, or a folder that a stage left; for onnx also "bundled".
         formats: Names of `FORMATS`; or "onnx" alone, for which `source` is a training run.
         out: Output folder; gets `<format>/<clip id>`.
         clips: Ids of the clips to write; all when empty.
@@ -279,7 +279,7 @@ def _export_network(
     """Write the network of a training run as `onnx/<run>.onnx`."""
     from gmrdata.gmr.predict import load_gmr, onnx_network
 
-    gmr = load_gmr(run_dir.resolve(), which)
+    gmr = load_gmr(run_dir, which)
     path = out / "onnx" / f"{gmr.name}.onnx"
     if not dry_run:
         if not redo:

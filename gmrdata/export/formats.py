@@ -547,5 +547,5 @@ FORMATS: dict[str, Format] = {
         "sequence", "{id}.mp4", ("camera", "world"), export_mp4,
     ),
 }  # fmt: skip
-NETWORK = "the network of a training run, whose folder is then the source"
+NETWORK = "the network of a training run, whose folder, or the word bundled, is the source"
 """What the format onnx is, which is not of clips."""

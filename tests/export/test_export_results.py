@@ -191,6 +191,12 @@ def test_a_network(run_dir, walk, tmp_path, gmrdata, works):
     works(*command, "--redo")
 
 
+def test_the_packages_own_network_goes_by_its_word(tmp_path, works):
+    out = tmp_path / "out"
+    said = works("export", "bundled", "--to", "onnx", "--out", out, "--dry-run").stdout
+    assert str(out / "onnx" / "bundled.onnx") in said and "to write" in said
+
+
 def test_what_is_no_network_is_refused(run_dir, manifest, tmp_path, gmrdata):
     def refused(said: str, source: Path, *more: str) -> None:
         command = ("export", source, "--out", tmp_path / "out", "--to", "onnx", *more)
