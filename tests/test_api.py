@@ -5,6 +5,7 @@ import json
 import re
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -105,6 +106,8 @@ def test_the_page_has_the_parameters_of_each_function(name):
 def test_paths_may_be_text(tmp_path, small_body):
     """Records and bodies ended in an AttributeError."""
     body_path, record = str(tmp_path / "body.npz"), str(tmp_path / "verdict.json")
+    files = gmrdata.PersonFiles("seen.npz", body_path)
+    assert files == replace(files, clip_path=Path("seen.npz"), body_path=Path(body_path))
     gmrdata.save_body(body_path, small_body)
     assert gmrdata.load_body(body_path).name == small_body.name
     with pytest.raises(gmrdata.GmrdataError, match=r"verdict\.json: no such file"):

@@ -21,12 +21,16 @@ DOUBTS_FILE = "doubts.json"
 """Beside these folders: why frames must not be used, as those of odd times."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, init=False)
 class PersonFiles:
     """One person of a sequence."""
 
     clip_path: Path  # clip with the person in the camera frame, intrinsics and image numbers
     body_path: Path
+
+    def __init__(self, clip_path: Path | str, body_path: Path | str) -> None:
+        object.__setattr__(self, "clip_path", Path(clip_path))
+        object.__setattr__(self, "body_path", Path(body_path))
 
 
 def person_file(number: int) -> str:
