@@ -98,6 +98,8 @@ def _clip_lacks(need: Need, clip: Clip) -> str:
 PINHOLES: tuple[FormatName, ...] = ("gem-x", "3dpw", "emdb", "gvhmr", "glb", "usd", "rrd")
 """Formats that hold a camera without the lens's distortion."""
 SAME_LEGS = 0.01  # as a share: no remark on what nobody sees
+EACH_CAMERA: tuple[FormatName, ...] = ("kitti", "gem-x")
+"""Formats that have a camera for each frame, so that none can be left out."""
 STEADY: tuple[FormatName, ...] = ("amass", "bvh", "glb", "usd", "rrd", "mp4")
 """Formats that hold a rate, and no times of frames."""
 
@@ -111,6 +113,11 @@ def not_held(format: str, clips: Sequence["ExportedClip"], of: Trajectory) -> It
     if format in PINHOLES and (off_px := _bend_px(clips)) >= 1:
         what = f"the lens bends the pictures by {off_px:.0f} px at the corner"
         yield f"{what}, {format} holds a camera without it; colmap has it"
+    if format in EACH_CAMERA and "camera" in (of, *needs):
+        kept = kept_images(clips[0].sfm_dir, clips[0].clip.image_numbers)
+        if n_dropped := np.count_nonzero(~kept):
+            what = f"the verdict drops the cameras of {n_dropped} frames"
+            yield f"{what}, which {format} has as all others; tum leaves them out"
     body = clips[0].clip.motion.body
     if format == "3dpw" and not body.startswith(SMPL):
         yield f"shape and path are of the body {body}, and all but gmrdata take them for SMPL's"
@@ -119,15 +126,19 @@ def not_held(format: str, clips: Sequence["ExportedClip"], of: Trajectory) -> It
 
         if abs((share := smpl_legs(clips[0].clip.motion, clips[0].body)) - 1) > SAME_LEGS:
             yield f"SMPL's mean legs walk {share:.3f} of the path in amass; bvh has all of it"
-    if format in STEADY:
-        clip, fps_hz = clips[0].clip, clips[0].clip.motion.fps_hz
-        late_s = times_of(clips[0].images_dir, clip.image_numbers, fps_hz)
-        late_s = late_s - np.arange(len(late_s)) / fps_hz
-        files = valid_runs(clip.valid) if format in ("amass", "bvh") else [(0, len(late_s))]
-        off_s = max((np.ptp(late_s[slice(*rows)]) for rows in files), default=0.0)
-        if off_s > 0.5 / fps_hz:
-            what = f"the video's frames are up to {off_s:.2f} s off a steady {fps_hz:.5g} Hz"
-            yield f"{what}, which {format} has; tum has their times"
+    fps_hz = clips[0].clip.motion.fps_hz
+    if format in STEADY and (off_s := _off_a_rate_s(format, clips[0])) > 0.5 / fps_hz:
+        what = f"the video's frames are up to {off_s:.2f} s off a steady {fps_hz:.5g} Hz"
+        yield f"{what}, which {format} has; tum has their times"
+
+
+def _off_a_rate_s(format: str, exported: "ExportedClip") -> float:
+    """How far the frames of one file are off one rate, at most [s]."""
+    clip, fps_hz = exported.clip, exported.clip.motion.fps_hz
+    late_s = times_of(exported.images_dir, clip.image_numbers, fps_hz)
+    late_s = late_s - np.arange(len(late_s)) / fps_hz
+    files = valid_runs(clip.valid) if format in ("amass", "bvh") else [(0, len(late_s))]
+    return max((float(np.ptp(late_s[slice(*rows)])) for rows in files), default=0.0)
 
 
 def _bend_px(clips: Sequence["ExportedClip"]) -> float:

@@ -119,9 +119,9 @@ def test_a_model_of_cameras_alone_is_whole_or_not_there(small_body, tmp_path, mo
 
 
 def test_frames_that_the_verdict_drops_are_in_no_file_of_a_camera_that_films_people(
-    small_body, tmp_path
+    small_body, tmp_path, works
 ):
-    """They were left out of the files of cameras alone."""
+    """They were left out of the files of cameras alone.  Where none can be left out it is said."""
     folder = tmp_path / "walk"
     solved_video(folder, small_body)
     camera_verdict("", "the camera jumps", "the camera jumps").write(folder / VERDICT_FILE)
@@ -134,6 +134,8 @@ def test_frames_that_the_verdict_drops_are_in_no_file_of_a_camera_that_films_peo
     for model in models(folder / "files/colmap/walk"):
         assert sorted(image - 1 for image in model.images) == kept.tolist()
         assert model.num_points3D() > 20
+    said = works("export", folder, "--to", "kitti", "tum", "--out", tmp_path / "exported").stderr
+    assert said.count("the verdict drops the cameras of 2 frames, which kitti has") == 1
 
 
 def test_a_verdict_on_other_frames_is_named(small_body, tmp_path):
