@@ -191,10 +191,10 @@ def test_a_network(run_dir, walk, tmp_path, gmrdata, works):
     works(*command, "--redo")
 
 
-def test_the_packages_own_network_goes_by_its_word(tmp_path, works):
-    out = tmp_path / "out"
-    said = works("export", "bundled", "--to", "onnx", "--out", out, "--dry-run").stdout
-    assert str(out / "onnx" / "bundled.onnx") in said and "to write" in said
+def test_the_packages_own_network_goes_by_its_word(tmp_path, works, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    said = works("export", "bundled", "--to", "onnx", "--out", "out", "--dry-run").stdout
+    assert "out/onnx/bundled.onnx" in said and "to write" in said
 
 
 def test_what_is_no_network_is_refused(run_dir, manifest, tmp_path, gmrdata):
