@@ -14,6 +14,7 @@ from gmrdata.cli.video import leave_files_and_page
 from gmrdata.export.export import write_files
 from gmrdata.solve.verdict import VERDICT_FILE
 from gmrdata.stage.store import run_stage
+from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import camera_of, load_clip
 from gmrdata.values.files import STAGE_FILE, read_npz
 from gmrdata.world.judge import load_record
@@ -79,20 +80,24 @@ def test_files_are_of_the_network_s_motions_where_these_are_there(small_body, ru
     assert contents(folder / "pseudo_gt") == before
 
 
+def files_hold_kept(path: CameraPath, files: Path, tum: str, colmap: str) -> None:
+    """A TUM path and a COLMAP model have all cameras but those of the rows 1 and 2."""
+    kept = np.delete(np.arange(N_ROWS), [1, 2])
+    written = np.loadtxt(files / "tum" / f"{tum}.txt")
+    np.testing.assert_allclose(written[:, 0], kept / 10, atol=1e-9)
+    np.testing.assert_allclose(written[:, 1:4], path.centres_world_m[kept], atol=1e-9)
+    for model in models(files / "colmap" / colmap):
+        assert sorted(image - 1 for image in model.images) == kept.tolist()
+        assert model.num_points3D() > 20
+
+
 def test_frames_that_the_verdict_drops_are_in_no_file_of_cameras_alone(small_body, tmp_path):
     """Where the camera jumps, say: they stood there as the others do."""
     folder = tmp_path / "walk"
     solved_video(folder, small_body, person=False)
     camera_verdict("", "the camera jumps", "the camera jumps").write(folder / VERDICT_FILE)
     assert write_files(folder) == []
-    kept = np.delete(np.arange(N_ROWS), [1, 2])
-    path = load_cameras(folder / "sfm").path
-    written = np.loadtxt(folder / "files/tum/camera.txt")
-    np.testing.assert_allclose(written[:, 0], kept / 10, atol=1e-9)
-    np.testing.assert_allclose(written[:, 1:4], path.centres_world_m[kept], atol=1e-9)
-    for model in models(folder / "files/colmap"):
-        assert sorted(image - 1 for image in model.images) == kept.tolist()
-        assert model.num_points3D() > 20
+    files_hold_kept(load_cameras(folder / "sfm").path, folder / "files", "camera", "")
 
 
 def test_a_model_of_cameras_alone_is_whole_or_not_there(small_body, tmp_path, monkeypatch):
@@ -126,14 +131,8 @@ def test_frames_that_the_verdict_drops_are_in_no_file_of_a_camera_that_films_peo
     solved_video(folder, small_body)
     camera_verdict("", "the camera jumps", "the camera jumps").write(folder / VERDICT_FILE)
     assert write_files(folder) == []
-    kept = np.delete(np.arange(N_ROWS), [1, 2])
     path = camera_of(load_clip(folder / "pseudo_gt" / "person_0.npz"))
-    written = np.loadtxt(folder / "files/tum/walk.txt")
-    np.testing.assert_allclose(written[:, 0], kept / 10, atol=1e-9)
-    np.testing.assert_allclose(written[:, 1:4], path.centres_world_m[kept], atol=1e-9)
-    for model in models(folder / "files/colmap/walk"):
-        assert sorted(image - 1 for image in model.images) == kept.tolist()
-        assert model.num_points3D() > 20
+    files_hold_kept(path, folder / "files", "walk", "walk")
     said = works("export", folder, "--to", "kitti", "tum", "--out", tmp_path / "exported").stderr
     assert said.count("the verdict drops the cameras of 2 frames, which kitti has") == 1
 
