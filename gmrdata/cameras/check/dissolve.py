@@ -78,11 +78,9 @@ def dissolve_after(
             for pair in pairs
         ])  # fmt: skip
         known = again[np.isfinite(again)]
-        if (
-            len(known)
-            and known.min() < config.none_again
-            and (np.median(known) >= config.usually_again)
-        ):
+        if not len(known) or np.median(known) < config.usually_again:
+            continue
+        if known.min() < config.none_again:
             lowest = np.flatnonzero(again == known.min())
             return int(lowest[len(lowest) // 2]) + apart - 1
     return None

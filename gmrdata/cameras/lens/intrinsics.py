@@ -289,13 +289,14 @@ def given_lens(given: GivenIntrinsics, size_px: tuple[int, int]) -> tuple[Lens, 
     if given.file is not None:
         words = f"The lens is that of {as_text(given.file.name)}."
         lens = _lens_of_file(given.file, size_px)
-    else:
-        focal_px = given.focal_px or 0.0
-        words = f"A focal length of {focal_px:g} px was given."
-        if given.fov_deg is not None:
-            focal_px = 0.5 * size_px[0] / float(np.tan(np.deg2rad(given.fov_deg) / 2))
-            words = f"A field of view of {given.fov_deg:g}° was given."
+    elif given.fov_deg is not None:
+        words = f"A field of view of {given.fov_deg:g}° was given."
+        focal_px = 0.5 * size_px[0] / float(np.tan(np.deg2rad(given.fov_deg) / 2))
         lens = Lens.centred(focal_px, size_px, Origin("given", GIVEN_SIGMA))
+    else:
+        assert given.focal_px is not None
+        words = f"A focal length of {given.focal_px:g} px was given."
+        lens = Lens.centred(given.focal_px, size_px, Origin("given", GIVEN_SIGMA))
     if lens.corner_radius > LARGEST_CORNER or max(lens.focal_px) > 100 * max(size_px):
         what = f"{words} No camera sees that of {size_px[0]}x{size_px[1]} px"
         raise BadIntrinsics(f"{what}; the focal length is in pixels of these frames")
