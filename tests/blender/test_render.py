@@ -105,12 +105,12 @@ def test_masks_are_the_projected_mesh(rendered, small_body):
             assert overlap(mask, np.roll(expected, shift, axis=(0, 1))) < iou
 
 
-def test_someone_at_the_other_end_of_a_long_lens_is_drawn(small_body, tmp_path):
+def test_someone_at_the_other_end_of_a_long_lens_is_drawn(box_place, small_body, tmp_path):
     """Blender drew nothing that is farther than 500 m, and a recipe's camera may be."""
     motion = facing_x(small_body, [[0.0, 0.0, 0.95]])
-    camera = camera_at([[600.0, 0.0, 1.5]], [[0.0, 0.0, 0.95]], (64, 48))
+    camera = camera_at([[-600.0, 0.0, 1.5]], [[0.0, 0.0, 0.95]], (64, 48))
     camera = replace(camera, intrinsics_px=intrinsics_from_fov(0.5, 64, 48))
-    config = RenderConfig(samples=7, scene=SceneConfig(kind="room"))
+    config = RenderConfig(samples=7, scene=box_place)
     out_dir = save_job(tmp_path, small_body, motion, camera).render(tmp_path / "far", config)
     expected = coverage(camera, small_body, motion_vertices_m(small_body, motion)[0], 0) >= 0.5
     assert expected.sum() > 50 and overlap(mask_of(out_dir, 0), expected) > 0.9
