@@ -304,10 +304,7 @@ def _linearised(
     rays, seen, image_px = predicted_px(lens)
     flat = seen[:, :2] / np.maximum(seen[:, 2:], 1e-3)
     _, by_turns = slopes_by_turns(rays, seen, second_from_first, np.ones(2))
-    # Slopes of `bent` by its points.
-    r2, outer = (flat**2).sum(axis=1)[:, None, None], flat[:, :, None] * flat[:, None]
-    by_flat = (1 + lens[1] * r2) * np.eye(2) + 2 * lens[1] * outer
-    by_flat = by_flat * (np.exp(lens[0]) * focal_px)[:, None]
+    by_flat = _slopes_of_bent(flat, lens[1]) * (np.exp(lens[0]) * focal_px)[:, None]
     values = np.concatenate([by_flat @ by_turns, np.zeros((len(seen), 2, n_lens))], axis=2)
     for column in range(n_lens):
         moved = lens + LENS_STEP * (np.arange(2) == column)
@@ -320,3 +317,10 @@ def _linearised(
     where = [np.broadcast_to(at, values.shape).ravel() for at in (rows, columns[:, None])]
     entries, shape = (values.ravel(), tuple(where)), (2 * len(seen), n_unknowns)
     return image_px - focal_px * second, csc_array(coo_array(entries, shape))
+
+
+def _slopes_of_bent(straight: np.ndarray, radial_k1: float) -> np.ndarray:
+    """(M, 2, 2) slopes of `bent` by its points (M, 2)."""
+    r2 = (straight**2).sum(axis=1)[:, None, None]
+    outer = straight[:, :, None] * straight[:, None]
+    return np.asarray((1 + radial_k1 * r2) * np.eye(2) + 2 * radial_k1 * outer)

@@ -282,10 +282,7 @@ def see_again(model: Any, matches: Matches, frames: Frames, config: MasksConfig)
         [model.point3D(i).track.length() >= config.again_seen for i in ids], dtype=bool
     )
     images = dict(frames.rows_of(model))
-    seen = {}
-    for row, image in sorted(images.items()):
-        features, shown = observations_of(image).T
-        seen[row] = features, np.array([number[point] for point in shown.tolist()], np.int64)
+    seen = {row: _seen_features(image, number) for row, image in sorted(images.items())}
     looks = np.zeros((len(ids), 128), dtype=np.float32)
     # Backwards first: a point that was not seen yet looks as it will.
     for row, (features, of) in reversed(seen.items()):
@@ -303,6 +300,12 @@ def see_again(model: Any, matches: Matches, frames: Frames, config: MasksConfig)
             looks[n] = looks_here[at]
             added += 1
     return added
+
+
+def _seen_features(image: Any, number: dict[int, int]) -> tuple[np.ndarray, np.ndarray]:
+    """Features (N,) of an image that show points, and the numbers (N,) of these."""
+    features, ids = observations_of(image).T
+    return features, np.array([number[point] for point in ids.tolist()], dtype=np.int64)
 
 
 def _near(from_px: np.ndarray, to_px: np.ndarray, most_px: float) -> tuple[np.ndarray, np.ndarray]:

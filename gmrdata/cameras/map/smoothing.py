@@ -163,8 +163,7 @@ def smooth_cameras(
     held = csc_array(information[unknown][:, unknown])
     units = np.array([np.pi / 180, place_unit])[: k // 3]
     floors = units * np.array([config.acceleration_deg, config.acceleration_share])[: k // 3]
-    sizes = (np.abs(wide.of(world_from_cam)) / wide.units).reshape(-1, 2, 3)
-    sigmas = np.maximum(floors, np.quantile(sizes, OFTEN, axis=(0, 2))[: k // 3])
+    sigmas = np.maximum(floors, _own_acceleration(world_from_cam, wide)[: k // 3])
     stiffness = np.tile(np.repeat(sigmas**-2, 3), len(differences.rows))
     pulled = csr_array(differ.T * stiffness)
     system = csc_array(held + pulled @ differ)
@@ -175,6 +174,12 @@ def smooth_cameras(
         result = _corrected(world_from_cam, correction.reshape(-1, k))
     largest = np.linalg.norm(correction.reshape(len(result[has_camera]), -1, 3), axis=2).max(axis=0)
     return result, _figures(sigmas / units, _noise(held, differ, k) / units, largest / units)
+
+
+def _own_acceleration(world_from_cam: np.ndarray, wide: Differences) -> np.ndarray:
+    """(2,) size per axis that the path keeps to [rad/frame^2, unit/frame^2]."""
+    sizes = (np.abs(wide.of(world_from_cam)) / wide.units).reshape(-1, 2, 3)
+    return np.asarray(np.quantile(sizes, OFTEN, axis=(0, 2)))
 
 
 def _corrected(world_from_cam: np.ndarray, correction: np.ndarray) -> np.ndarray:

@@ -13,7 +13,7 @@ from gmrdata.cameras.files import Distortion
 from gmrdata.cameras.frames import Frames
 from gmrdata.cameras.match.features import FeatureFinder, StoredDescriptors, find_features
 from gmrdata.cameras.match.retrieval import alike_before
-from gmrdata.cameras.recipe import SfmConfig
+from gmrdata.cameras.recipe import MasksConfig, SfmConfig
 from gmrdata.values.camera import straightened
 from gmrdata.values.errors import BadFrames, NoReconstruction
 
@@ -253,9 +253,7 @@ def match_behind_masks(
 
     What a person hides at one time shows at another.
     """
-    count, rows = matches.n_of_pair, range(len(matches.keypoints_px) - 1)
-    hardly = [count.get((row, row + 1), 0) < config.masks.hardly_matched for row in rows]
-    if matches.descriptors is None or np.mean(hardly) < config.masks.often:
+    if matches.descriptors is None or not _hardly_match(matches, config.masks):
         return matches
     database_path = work_dir / DATABASE_FILE
     _give_descriptors(matches.descriptors, frames, database_path)
@@ -268,6 +266,14 @@ def match_behind_masks(
     )
     sort_pairs(database_path)
     return replace(matches, pairs=read_matches(database_path, frames.images).pairs)
+
+
+def _hardly_match(matches: Matches, config: MasksConfig) -> bool:
+    """Whether many neighbours have few matches."""
+    count = matches.n_of_pair
+    rows = range(len(matches.keypoints_px) - 1)
+    hardly = [count.get((row, row + 1), 0) < config.hardly_matched for row in rows]
+    return bool(np.mean(hardly) >= config.often)
 
 
 def _give_descriptors(tables: StoredDescriptors, frames: Frames, database_path: Path) -> None:
