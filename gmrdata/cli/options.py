@@ -10,7 +10,7 @@ from tyro.conf import OmitArgPrefixes, Positional, arg
 
 from gmrdata.cli.answers import answer, print_table
 from gmrdata.stage.progress import remark
-from gmrdata.stage.run import Run, Shard
+from gmrdata.stage.run import Run
 from gmrdata.values.errors import BadRecipe, MissingInput
 from gmrdata.values.people import PersonFiles
 
@@ -39,8 +39,7 @@ def _run(
     ] = None,
 ) -> Run:
     """How the stages run."""
-    share = None if shard is None else Shard.parse(shard)
-    return Run(redo=redo, workers=workers, scheduler=scheduler, shard=share)
+    return Run(redo=redo, workers=workers, scheduler=scheduler, shard=shard)
 
 
 RunFlags = Annotated[Run, OmitArgPrefixes, arg(constructor=_run)]

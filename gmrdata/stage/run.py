@@ -42,8 +42,8 @@ class Run:
     workers: int | None = None  # local worker processes; as many as the recipe says when None
     scheduler: str | None = None
     """Address of a running Dask scheduler (tcp://host:port); local processes when None."""
-    shard: Shard | None = None
-    """Which share of a batch this process works on; all of it when None."""
+    shard: Shard | str | None = None
+    """Which share of a batch this process works on, or a text like 2/4; all of it when None."""
     only_look: bool = False
     """Make nothing: a stage that has work to do raises `gmrdata.stage.store.NotMade`."""
 
@@ -52,7 +52,13 @@ class Run:
         """Whether what another recipe or other inputs made is thrown away."""
         return self.redo or self.anew
 
+    @property
+    def share(self) -> Shard | None:
+        """The shard, whichever way it was given."""
+        return Shard.parse(self.shard) if isinstance(self.shard, str) else self.shard
+
     def __post_init__(self) -> None:
+        _ = self.share  # refused here, not in the midst of the work
         if self.workers is not None and self.workers < 1:
             raise BadRecipe(f"--workers {self.workers}: at least one process has to do the work")
         if self.workers is not None and self.workers > MOST_WORKERS:

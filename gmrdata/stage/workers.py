@@ -75,7 +75,7 @@ def worker_pool(run: Run, workers: int = 2) -> Iterator[Pool]:
             start = _local_client if run.scheduler is None else _cluster_client
             return stack.enter_context(start(run, workers))
 
-        yield Pool(client, run.scheduler is not None, run.shard)
+        yield Pool(client, run.scheduler is not None, run.share)
 
 
 @contextmanager

@@ -49,7 +49,7 @@ def batch(
     failing: tuple[str, ...] = (), redo: bool = False,
 ) -> Outcome:  # fmt: skip
     """A whole batch of six jobs as one shard of it."""
-    run = Run(shard=Shard.parse(shard), workers=1, redo=redo)
+    run = Run(shard=shard, workers=1, redo=redo)
     shared = {"run": run, "wanted": wanted, "wait_s": wait_s}
     jobs = [Job(id, make, {"out_dir": root / id, "fails": id in failing} | shared) for id in IDS]
     with worker_pool(run) as pool:
@@ -96,7 +96,7 @@ def test_shares_of_many_clips_are_about_even_and_stay_as_they_are():
 @pytest.mark.parametrize("text", ["", "2", "5/4", "1/0", "a/b", "-1/2", "1/2/3", "1.0/2", "١/٢x"])
 def test_a_shard_that_is_none_is_refused(text):
     with pytest.raises(BadRecipe, match="give it as 2/4"):
-        Shard.parse(text)
+        Run(shard=text)
 
 
 @pytest.mark.parametrize("workers", [0, 5000])
