@@ -33,7 +33,7 @@ from gmrdata.cli.pseudo_gt import floor, threedpw
 from gmrdata.cli.recipes import demo, report, run
 from gmrdata.cli.shards import merge, share
 from gmrdata.cli.video import masks, page, sfm, video
-from gmrdata.stage.progress import remark
+from gmrdata.stage.progress import answers, remark
 from gmrdata.values.errors import GmrdataError, MissingInput, nearest
 
 _NETWORKS = {
@@ -223,11 +223,25 @@ With any verb: -q says only answers and errors; -v says each stage, and where an
 
 def main(arguments: list[str] | None = None) -> None:
     """Entry point: 0 when done, 1 for an error in input or work, 2 for wrong flags."""
+    if isinstance(sys.stdout, io.TextIOWrapper):  # its encoding may lack a name's letters
+        sys.stdout.reconfigure(errors="backslashreplace")
     given = sys.argv[1:] if arguments is None else arguments
     arguments = [_from_home(word) for word in given if word not in QUIET + VERBOSE]
     verbose = any(word in VERBOSE for word in given)
     with as_loud(quiet=any(word in QUIET for word in given), verbose=verbose):
-        _main(arguments, verbose)
+        try:
+            _main(arguments)
+        except GmrdataError as error:
+            if verbose:
+                remark(traceback.format_exc())
+            fail(f"{error}{_elsewhere(arguments[0] if arguments else '', str(error))}")
+        except BrokenPipeError:
+            answers.on_broken_pipe()  # who reads has enough, as `head`: ends with 1
+        except OSError as error:
+            fail(explain(error))
+        except KeyboardInterrupt as error:
+            code = 143 if isinstance(error, Terminated) else 130
+            fail("stopped. The same command goes on where it was", code=code)
 
 
 def _from_home(word: str) -> str:
@@ -242,7 +256,7 @@ def _parse(arguments: list[str]) -> None:
 
 def help_of(words: list[str]) -> str:
     """What a verb says with `--help`, in boxes or, where standard output is so, in ASCII."""
-    said = io.TextIOWrapper(io.BytesIO(), encoding=sys.stdout.encoding)
+    said = io.TextIOWrapper(io.BytesIO(), encoding=answers.encoding)
     with redirect_stdout(said), suppress(SystemExit):
         _parse([*words, "--help"])
     said.seek(0)
@@ -272,7 +286,7 @@ def _usual_help(verb: str) -> str:
     return f"{''.join(usual).rstrip()}\n{more}"
 
 
-def _main(arguments: list[str], verbose: bool) -> None:
+def _main(arguments: list[str]) -> None:
     if arguments == ["--version"]:
         answer(f"gmrdata {__version__}")
         return
@@ -287,16 +301,6 @@ def _main(arguments: list[str], verbose: bool) -> None:
         answer(_usual_help("video"))
         return
     arguments = ["--help" if word == ALL_HELP else word for word in arguments]
-    try:
-        _first_file_is_there(arguments)
-        with _terms(), share(arguments):
-            _parse(arguments)
-    except GmrdataError as error:
-        if verbose:
-            remark(traceback.format_exc())
-        fail(f"{error}{_elsewhere(arguments[0] if arguments else '', str(error))}")
-    except OSError as error:
-        fail(explain(error))
-    except KeyboardInterrupt as error:
-        code = 143 if isinstance(error, Terminated) else 130
-        fail("stopped. The same command goes on where it was", code=code)
+    _first_file_is_there(arguments)
+    with _terms(), share(arguments):
+        _parse(arguments)

@@ -19,7 +19,7 @@ def answer(value: object) -> None:
 
 def answer_json(value: object) -> None:
     """Print one JSON object to standard output, for a script."""
-    answer(json.dumps(value, ensure_ascii=False))
+    answer(json.dumps(value))
 
 
 class _Stages(logging.Handler):

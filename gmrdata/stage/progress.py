@@ -1,7 +1,7 @@
 """Two consoles, one for progress and one for answers, and one progress bar for all long work."""
 
 import os
-import sys
+import re
 import time
 from collections.abc import Iterable, Iterator
 from datetime import timedelta
@@ -9,13 +9,28 @@ from typing import Any, TypeVar
 
 from rich import progress
 from rich.console import Console
+from rich.text import Text
 
-console = Console(stderr=True, highlight=False, emoji=False)
+from gmrdata.values.files import as_text
+
+_CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f]")
+
+
+class _Console(Console):
+    """One that no name or text of others commands: its control characters are shown as `\\x1b`."""
+
+    def render_str(self, text: str, **options: Any) -> Text:
+        shown = _CONTROL.sub(lambda found: f"\\x{ord(found[0]):02x}", as_text(text))
+        return super().render_str(shown, **options)
+
+
+console = _Console(stderr=True, highlight=False, emoji=False)
 """Progress and errors, for the person who waits, as they are: `:b:` is no sign."""
 
-_KNOWN_WIDTH = sys.stdout.isatty() or "COLUMNS" in os.environ
-answers = Console(highlight=False, emoji=False, width=None if _KNOWN_WIDTH else 160)
+answers = _Console(highlight=False, emoji=False)
 """What was asked for, on standard output; wide where it is piped, so that no cell is cut."""
+if not answers.file.isatty() and "COLUMNS" not in os.environ:
+    answers.width = 160
 
 LINE_EVERY_S = 30.0  # in a log file, where a bar can't be drawn over
 Item = TypeVar("Item")

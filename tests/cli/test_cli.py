@@ -1,6 +1,7 @@
 """The command line as a person meets it: exit codes, messages, nothing half-written."""
 
 import json
+import os
 import re
 import resource
 import subprocess
@@ -18,7 +19,7 @@ from gmrdata import __version__
 from gmrdata.cli import RENAMED, VERBS, lists_of
 from gmrdata.film.blender_environment import PYTHON_NAME, blender_python
 from gmrdata.read.models import MODELS, models_dir
-from gmrdata.stage.recipes import find_recipe, recipe_kind, recipe_names
+from gmrdata.stage.recipes import find_recipe, published_manifest, recipe_kind, recipe_names
 from gmrdata.values.body import BodyModel
 from tests.clip_manifests import write_clips
 from tests.docs.page_commands import FUNCTIONS
@@ -42,6 +43,9 @@ Frame Time: 0.00833333
 0 0 0 0 0 0
 0 0 0 0 0 nan
 """
+
+
+LISTED = published_manifest("paper_table8")
 
 
 def in_a_process(*arguments: object, **options: object) -> Answer:
@@ -379,6 +383,36 @@ def test_each_recipe_runs_or_names_the_flag_that_it_lacks(name, gmrdata, works, 
 def test_version(gmrdata):
     said = gmrdata("--version")
     assert (said.returncode, said.stdout) == (0, f"gmrdata {__version__}\n")
+
+
+@pytest.mark.parametrize("words", [("--help",), ("--version",), ("manifest", "show", LISTED)])
+def test_an_answer_that_nobody_takes_ends_in_a_line_at_most(words):
+    """`| head` left "writing: Broken pipe" behind, and a full disk a traceback."""
+    call = [sys.executable, "-m", "gmrdata", *map(str, words)]
+    reader, writer = os.pipe()
+    os.close(reader)
+    left = subprocess.run(call, stdout=writer, stderr=subprocess.PIPE, text=True)
+    os.close(writer)
+    assert (left.returncode, left.stderr) == (1, "")
+    with Path("/dev/full").open("w") as full:
+        failed = subprocess.run(call, stdout=full, stderr=subprocess.PIPE, text=True)
+    said = "gmrdata: writing: the disk is full. Free some space and run the same command again\n"
+    assert (failed.returncode, failed.stderr) == (1, said)
+
+
+def test_no_text_of_others_commands_the_terminal(tmp_path):
+    """Colours and worse of a note were obeyed; letters that an encoding lacks ended it."""
+    path = tmp_path / "list.yaml"
+    path.write_text(re.sub("note: .*", r'note: "a\\e[31m\\u8d70"', LISTED.read_text()))
+    answer = in_a_process("manifest", "show", path, env=os.environ | {"PYTHONIOENCODING": "ascii"})
+    assert (answer.returncode, answer.stderr) == (0, "")
+    assert r"a\x1b[31m\u8d70" in answer.stdout and "\x1b" not in answer.stdout
+
+
+def test_a_name_of_no_letters_is_said(works, walks_command, monkeypatch, tmp_path):
+    """All was made, and then its path ended in a traceback."""
+    out = os.fsdecode(os.fsencode(tmp_path) + b"/\xfc")
+    assert works(*walks_command(1), "--out", out).stdout == f"{tmp_path}/\\xfc/motions.yaml\n"
 
 
 @pytest.mark.parametrize(
