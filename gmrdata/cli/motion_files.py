@@ -99,8 +99,9 @@ def motions(
     if layout != "files" and (said := config.model_dump(exclude_defaults=True)):
         flag = next(iter(said)).replace("_", "-")
         raise BadRecipe(f"--{flag}: --layout {layout} is read as its format has it. Leave it out")
-    if run.shard and (out is None or layout != "files"):
-        raise BadRecipe("--shard: only motion files with --out are shared. Leave it out")
+    if (run.shard or run.workers or run.scheduler) and (out is None or layout != "files"):
+        what = "--workers, --scheduler and --shard are for motion files with --out"
+        raise BadRecipe(f"{what}. Leave them out")
     if dry_run:
         _show_files(sources, out, layout)
     elif layout != "files":

@@ -366,7 +366,7 @@ def _keep(body: str, out_dir: Path, run: Run) -> dict[str, Path]:
 def _run(jobs: Sequence[Job], failures_dir: Path, run: Run) -> Outcome:
     """Make clips in worker processes, or a few of them right here."""
     workers = run.workers or own_cores()
-    if run.shard is None and (len(jobs) <= FEW_FILES or workers == 1):
+    if run.shard is run.scheduler is None and (len(jobs) <= FEW_FILES or workers == 1):
         return try_here(READING, jobs, failures_dir)
     with worker_pool(run, workers) as pool:
         return try_jobs(READING, jobs, pool, failures_dir)

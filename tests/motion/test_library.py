@@ -28,7 +28,7 @@ from gmrdata.motion.library import (
 )
 from gmrdata.read.body_file import save_body
 from gmrdata.stage.run import Run
-from gmrdata.values.errors import BadMotionFile, BadRecipe, MissingInput
+from gmrdata.values.errors import BadMotionFile, BadRecipe, MissingInput, NoWorkers
 from tests.clip_manifests import clips_of
 from tests.motions import save_bare
 
@@ -89,6 +89,14 @@ def test_amass_in_worker_processes(tmp_path, body_path):
         (tmp_path / "AMASS",), str(body_path), tmp_path / "many", run=Run(workers=2)
     )
     assert {path: path.stat().st_mtime_ns for path in written} == written
+
+
+def test_a_cluster_is_asked_for_a_few_files_too(tmp_path, body_path):
+    """With the OMP_NUM_THREADS=1 that a cluster wants all were read one by one, without a word."""
+    write_amass(tmp_path / "AMASS", NAMES[:1])
+    run = Run(scheduler="tcp://127.0.0.1:9")
+    with pytest.raises(NoWorkers, match="no Dask scheduler at tcp://127.0.0.1:9"):
+        make_library((tmp_path / "AMASS",), str(body_path), tmp_path / "out", run=run)
 
 
 def test_workers_get_absolute_paths(tmp_path, body_path, monkeypatch):
