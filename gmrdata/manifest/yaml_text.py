@@ -114,6 +114,8 @@ def load_lines(path: Path) -> tuple[PlainData, dict[FieldPath, int], ClipLines] 
         stream.seek(at + len(CLIPS_KEY))
         texts = stream.read().removesuffix(b"\n").split(b"\n")
     head, lines = parse(path, start[:at])
+    if ("clips",) in lines:
+        raise BadManifest(f"{path}:{lines['clips',]}: key 'clips' stands twice; remove one")
     clips = ClipLines(path, [text[2:] for text in texts], start[:at].count(b"\n") + 2)
     for number, text in enumerate(texts):
         if not text.startswith(BEGIN):

@@ -339,6 +339,7 @@ def taken_for(path: Path) -> str:
 
 
 LONGEST_NAME_BYTES = 255  # of one part of a path, on the disks of all systems
+LONGEST_PATH = 1000  # letters, with room for the folder that it lies in
 
 
 def safe_relative(text: str) -> str:
@@ -354,10 +355,10 @@ def safe_relative(text: str) -> str:
         raise ValueError(f"path {text!r} has a backslash or control character; use forward slashes")
     if ".." in (parts := text.split("/")):
         raise ValueError(f"path {text!r} climbs out with '..'; keep files below the manifest")
-    if any(len(part.encode(errors="surrogatepass")) > LONGEST_NAME_BYTES for part in parts):
-        raise ValueError(
-            f"path {text[:40]!r}... has a name of more than {LONGEST_NAME_BYTES} bytes"
-        )
+    names_bytes = (len(part.encode(errors="surrogatepass")) for part in parts)
+    if len(text) > LONGEST_PATH or max(names_bytes) > LONGEST_NAME_BYTES:
+        most = f"{LONGEST_PATH} letters, or a name of more than {LONGEST_NAME_BYTES} bytes"
+        raise ValueError(f"path {text[:40]!r}... has more than {most}")
     if text == ".":
         raise ValueError("path '.' is the manifest's folder itself; name a file or folder below it")
     if PurePosixPath(text).as_posix() != text:

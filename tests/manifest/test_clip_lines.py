@@ -93,6 +93,8 @@ def test_a_line_is_yaml_too(clip):
         (r"\}\}\n- ", "}}\n  ", ":11: a clip must be one line, as on the lines before"),
         (r'"c1"', '"c0"', r":9: clips: clip ids must be unique, but these are repeated: c0"),
         (r'\}\}\n- \{"id": "c1"', '}\n- {"id": "c1"', ":10: not a line of plain JSON: "),
+        # The second was read alone, without a word.
+        ("licence: l\n", "licence: l\nclips: []\n", ":6: key 'clips' stands twice; remove one"),
         (r"\}\}\n$", "}}, x: [&a 1, *a]\n", ":12: not a line of plain JSON: "),
     ],
 )  # fmt: skip

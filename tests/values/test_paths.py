@@ -43,6 +43,7 @@ def test_plain_paths_pass(text):
         "a\0b",
         "x" * 256,
         "a/" + "é" * 128,
+        "a/" * 500 + "b",
     ],
 )
 def test_others_do_not(text):
