@@ -99,13 +99,16 @@ def merge(out: Positional[Path]) -> None:
 def merging(path: Path, record: CommandRecord, out: Path) -> list[str]:
     """The command of a shard, as the share 0 of as many: it works on nothing.
 
-    BadRecord where it is not a command of shards, or writes another folder than `out`.
+    BadRecord where it is not a command of shards, writes another folder than `out`, or was given in
+    a folder that is not here.
     """
     typed = list(record.arguments)
     values = _values(typed)
     fits = typed[:1] and typed[0] in SHARED_VERBS and len(values) == 2
-    if not fits or Path(record.folder, values[OUT_FLAG]).resolve() != out.resolve():
+    folder = Path(record.folder)
+    if not fits or not folder.is_dir() or (folder / values[OUT_FLAG]).resolve() != out.resolve():
+        what = f"{' '.join(typed)}: not a command of shards of {out} in {folder}"
         remedy = f"Give the command of the shards again, with --out {out} --shard 0/N"
-        raise BadRecord(f"{path}: {' '.join(typed)}: not a command of shards of {out}. {remedy}")
+        raise BadRecord(f"{path}: {what}. {remedy}")
     at = len(typed) - typed[::-1].index(SHARD_FLAG)  # of the value behind the last one
     return [*typed[:at], f"0/{typed[at].partition('/')[2]}", *typed[at + 1 :]]

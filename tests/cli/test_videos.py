@@ -188,6 +188,17 @@ def test_a_record_with_another_command_is_refused(arguments, tmp_path):
         merging(tmp_path / COMMAND_FILE, record, tmp_path / "out")
 
 
+def test_a_record_of_a_folder_that_is_not_here_is_refused(tmp_path):
+    """Only that there is no such folder was said."""
+    arguments, gone = ("render", "--out", str(tmp_path), "--shard", "1/2"), tmp_path / "gone"
+    with pytest.raises(BadRecord, match=f"not a command of shards of .* in {gone}.* --shard 0/N"):
+        merging(
+            tmp_path / COMMAND_FILE,
+            CommandRecord(arguments=arguments, folder=str(gone)),
+            tmp_path,
+        )
+
+
 @pytest.mark.parametrize(
     ("typed", "out", "merges"),
     [
