@@ -20,9 +20,14 @@ import pytest
 import yaml
 
 from gmrdata.cli import main
+from gmrdata.cli.options import RunFlags
 from gmrdata.cli.recipes import UNSHARED
+from gmrdata.cli.shards import SHARED_VERBS
 from gmrdata.gmr.config import TrainConfig
 from gmrdata.gmr.train import GmrRecipe
+from gmrdata.solve.request import AGAIN, BODY
+from gmrdata.solve.verdict import OVERLAY
+from gmrdata.solve.videos import PARTS
 from gmrdata.stage.recipes import find_recipe, load_recipe, recipe_names
 from tests.docs import page_commands as found
 from tests.docs.page_commands import Command
@@ -258,8 +263,45 @@ def test_the_pages_name_verbs_with_a_dry_run_and_kinds_without():
         if "dry_run" in inspect.signature(function).parameters
     }
     assert set(re.findall(r"`([a-z_ -]+)`", row)) == {"--dry-run", *verbs, *UNSHARED}
-    (shared,) = re.findall(r"^.*take `--shard I/N`.*", text_of("docs/scale.md"), re.MULTILINE)
-    assert [kind for kind in (*UNSHARED, "demo") if f"`{kind}`" not in shared] == []
+
+
+def test_the_pages_name_verbs_that_print_json_or_are_shared():
+    told = {verb: inspect.signature(function) for verb, function in found.FUNCTIONS.items()}
+    (row,) = re.findall(r"^\| `--json` \|.*", text_of("docs/command_line.md"), re.MULTILINE)
+    printing = {verb for verb, flags in told.items() if "as_json" in flags.parameters}
+    assert set(re.findall(r"`([a-z_ -]+)`", row)) == {"--json", *printing}
+    shared = {verb for verb, flags in told.items() if RunFlags in annotations(flags)} - {"demo"}
+    assert {verb.split()[0] for verb in shared} == set(SHARED_VERBS)
+    taking = re.findall(r"^(.*) take `--shard I/N`\.(.*)", text_of("docs/scale.md"), re.MULTILINE)
+    ((verbs, others),) = taking
+    assert set(re.findall(r"`([^`]+)`", verbs)) == shared
+    assert [kind for kind in (*UNSHARED, "demo") if f"`{kind}`" not in others] == []
+
+
+def annotations(flags: inspect.Signature) -> list[object]:
+    return [parameter.annotation for parameter in flags.parameters.values()]
+
+
+LEFT = re.compile(r"^## (?:What it leaves|Output)\n(.*?)(?=^## |\Z)", re.MULTILINE | re.DOTALL)
+
+
+def left_by(page: str) -> set[str]:
+    """Names of files and folders at the left of a page's list of what is left behind."""
+    (section,) = LEFT.findall(text_of(page))
+    lines = re.findall(r"^(?:- (.*?):|\| (.*?) \|)", section.partition("\n\nThe")[0], re.MULTILINE)
+    paths = re.findall(r"`([^`]+)`", str(lines))
+    return {part for path in paths for part in path.split("/") if part and "<" not in part}
+
+
+def test_pages_name_what_stages_leave():
+    """A video's parts, all of them; of other stages names that stand in the program."""
+    parts = {*PARTS, "view3d.html"} - {AGAIN, BODY, OVERLAY}  # for a next run, and the page
+    assert left_by("docs/video.md") == parts
+    program = "".join(path.read_text() for path in (REPOSITORY / "gmrdata").rglob("*.py"))
+    for page in ("synthetic", "threedpw", "inference"):
+        named = left_by(f"docs/{page}.md")
+        assert len(named) > 5
+        assert [name for name in named if not re.search(rf"[\"/]{name}[\"/]", program)] == [], page
 
 
 def test_where_a_training_differs_from_the_papers_is_said():

@@ -12,7 +12,7 @@ from tests.docs.page_commands import pages
 from tests.folders import REPOSITORY
 from tests.sharing import made_once
 
-LINK = re.compile(r"\]\((?!https?:)([^)#\s]+)")
+LINK = re.compile(r"\]\((?!https?:)([^)#\s]*)(?:#([^)\s]+))?\)")
 
 
 @pytest.fixture(scope="module")
@@ -65,8 +65,17 @@ def test_a_page_asks_the_net_for_nothing(site, browse):
 
 @pytest.mark.parametrize("page", pages(), ids=lambda page: page.name)
 def test_links_hold_where_the_repository_is_read(page):
-    for link in LINK.findall(page.read_text(encoding="utf-8")):
-        assert (page.parent / link).exists(), link
+    for link, heading in LINK.findall(page.read_text(encoding="utf-8")):
+        target = page.parent / link if link else page
+        assert target.exists(), link
+        assert not heading or heading in headings(target), f"{link}#{heading}"
+
+
+def headings(page: Path) -> list[str]:
+    """A page's headings as links name them, on a code host and in the site."""
+    text = re.sub(r"^```.*?^```", "", page.read_text(encoding="utf-8"), flags=re.M | re.S)
+    titles = re.findall(r"^#+ (.+)", text, re.MULTILINE)
+    return [re.sub(r"[^\w -]", "", title).lower().replace(" ", "-") for title in titles]
 
 
 @pytest.mark.parametrize("page", pages(), ids=lambda page: page.name)
