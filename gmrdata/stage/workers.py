@@ -98,6 +98,7 @@ def _cluster_client(run: Run, _: int) -> Iterator[Any]:
 def _local_client(run: Run, workers: int) -> Iterator[Any]:
     from dask import config
     from dask.distributed import Client, LocalCluster
+    from distributed.gc import disable_gc_diagnosis
 
     if getattr(multiprocessing.current_process(), "_inheriting", False):
         raise SystemExit(1)  # a worker that reads its script again, whose command says so
@@ -121,6 +122,8 @@ def _local_client(run: Run, workers: int) -> Iterator[Any]:
         except RuntimeError as error:
             what = str(error).rstrip(".")
             raise NoWorkers(f"local workers did not start ({what}). {GUARD}") from error
+        # A Ctrl-C during a collection would reach its callback, where Python drops it.
+        disable_gc_diagnosis(force=True)
         with cluster, Client(cluster) as client:
             yield client
 

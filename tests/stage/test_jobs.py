@@ -1,5 +1,6 @@
 """Jobs on Dask workers, shards and threads, with their progress."""
 
+import gc
 import os
 import signal
 import subprocess
@@ -432,6 +433,14 @@ def test_of_ctrl_c_the_command_speaks_alone_and_its_workers_end(tmp_path):
     assert command.returncode == 0 and said.endswith("stopped\n")
     assert "Traceback" not in said and "KeyboardInterrupt" not in said
     assert len(started) > 2 and not psutil.wait_procs(started, timeout=10)[1]
+
+
+def test_a_collection_of_garbage_does_not_swallow_ctrl_c():
+    """Dask's callback met one that came meanwhile, and the command went on."""
+    before = list(gc.callbacks)
+    with worker_pool(Run(workers=1)) as pool:
+        pool.client()
+        assert gc.callbacks == before
 
 
 def test_a_script_without_a_guard_is_told_what_it_lacks(tmp_path):
