@@ -88,6 +88,8 @@ def explain(error: OSError) -> str:
         errno.EDQUOT: "your disk quota is used up. Free some space and run the same command again",
         errno.EFBIG: "the file grew beyond the limit for files. Raise it (ulimit -f) and run again",
         errno.EACCES: "no permission. Choose another --out, or change the folder's permissions",
+        errno.EEXIST: "a file is there, where a folder is needed. Choose another --out",
+        errno.ENOTDIR: "lies below a file, not in a folder. Choose another --out",
         errno.EROFS: "a read-only file system. Choose another --out",
     }
     remedy = remedies.get(error.errno or 0, error.strerror or str(error))

@@ -117,6 +117,18 @@ def test_a_motion_file_with_nan_is_named(gmrdata, tmp_path):
     assert sorted(tmp_path.iterdir()) == [path]
 
 
+@pytest.mark.parametrize(
+    ("out", "said"),
+    [("a", "a file is there, where a folder is needed"), ("a/b", "lies below a file, not in a")],
+)
+def test_a_file_where_the_output_belongs_has_a_remedy(out, said, walks_command, gmrdata, tmp_path):
+    """It was "File exists" and "Not a directory" alone."""
+    (tmp_path / "a").write_text("mine")
+    answer = gmrdata(*walks_command(1), "--out", tmp_path / out)
+    fails_cleanly(answer, f"{tmp_path / out}: {said}", "Choose another --out")
+    assert (tmp_path / "a").read_text() == "mine"
+
+
 @pytest.mark.parametrize("content", [b"", b"\x00\xff\x13" * 50, BVH[:120].encode()])
 def test_a_broken_motion_file_leaves_nothing_behind(gmrdata, tmp_path, content):
     path = tmp_path / "in" / "walk.bvh"
