@@ -31,11 +31,10 @@ from gmrdata.motion.retarget import LARGEST_RESIDUAL_DEG
 from gmrdata.read import source_motion
 from gmrdata.read.bodies import keep_bodies, keep_body, load_bodies, load_body_once
 from gmrdata.read.source_motion import DEFAULT_READING, ReadConfig, RestPose, UpAxis
-from gmrdata.stage.jobs import Job, Outcome, try_here, try_jobs
+from gmrdata.stage.jobs import Job, Outcome, try_batch
 from gmrdata.stage.progress import remark, track
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import AGAIN, run_stage
-from gmrdata.stage.workers import own_cores, worker_pool
 from gmrdata.values.clip import Clip, save_clip
 from gmrdata.values.errors import BadManifest, BadMotionFile, BadRecipe, GmrdataError, MissingInput
 from gmrdata.values.files import as_paths, as_text
@@ -275,7 +274,7 @@ def make_library(
     config = config.model_copy(update=own)
     shared = {"body_paths": body_paths, "out_dir": out_dir, "config": config, "run": run}
     jobs = [Job(file.id, make_entry, {"file": file} | shared) for file in files]
-    outcome = _run(jobs, out_dir / FAILED, run)
+    outcome = try_batch(READING, jobs, out_dir / FAILED, run, FEW_FILES)
     is_listed = bool(outcome.results) and _list(outcome, body_paths, out_dir, config, run)
     for id in outcome.results:
         for what in ReadingRecord.read(out_dir / CLIPS / id / READING_FILE).remarks:
@@ -361,15 +360,6 @@ def _keep(body: str, out_dir: Path, run: Run) -> dict[str, Path]:
         return keep_bodies(body, out_dir, run=run)
     path = keep_body(body, out_dir, run=run)
     return {load_body_once(path).name: path}
-
-
-def _run(jobs: Sequence[Job], failures_dir: Path, run: Run) -> Outcome:
-    """Make clips in worker processes, or a few of them right here."""
-    workers = run.workers or own_cores()
-    if run.shard is run.scheduler is None and (len(jobs) <= FEW_FILES or workers == 1):
-        return try_here(READING, jobs, failures_dir)
-    with worker_pool(run, workers) as pool:
-        return try_jobs(READING, jobs, pool, failures_dir)
 
 
 def _bad_files(

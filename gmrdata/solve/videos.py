@@ -49,11 +49,10 @@ from gmrdata.solve.verdict import (
     forget_result,
     judge_video,
 )
-from gmrdata.stage.jobs import Job, Outcome, raise_failures, try_here, try_jobs
+from gmrdata.stage.jobs import Job, raise_failures, try_batch
 from gmrdata.stage.progress import remark
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import FRAMES_ROLE, NotMade, StageRecord, run_stage
-from gmrdata.stage.workers import own_cores, worker_pool
 from gmrdata.values.camera import Source
 from gmrdata.values.errors import BadRecipe, BadRecord, MissingInput, StaleOutput
 from gmrdata.values.files import STAGE_FILE, json_text, remove_orphans, sha256_of_file
@@ -344,7 +343,7 @@ def solve_batch(videos: Sequence[NamedVideo], batch: Batch, run: Run) -> Path:
         remove_orphans(folder)
     common = {"batch": batch, "run": run}
     jobs = [Job(video.name, solve_listed, common | {"video": video}) for video in videos]
-    results, reasons = _run(jobs, failures_dir, run)
+    results, reasons = try_batch(SOLVING, jobs, failures_dir, run)
     entries = [*results.values(), *(_failed(name, why) for name, why in reasons.items())]
     entries.sort(key=lambda entry: entry.name)
     Videos(videos=tuple(entries)).write(out_dir / RECORD_FILE)
@@ -444,12 +443,3 @@ def _failed(name: str, reason: str) -> VideoEntry:
         frames=0, kept_frames=0, fps_hz=None, focal_px=None, focal_sigma=None, focal_from=None,
         people=0, accepted_people=0,
     )  # fmt: skip
-
-
-def _run(jobs: Sequence[Job], failures_dir: Path, run: Run) -> Outcome:
-    """One worker process for each core, or this process where one is asked for."""
-    workers = run.workers or min(len(jobs), own_cores())
-    if run.shard is None and run.scheduler is None and workers == 1:
-        return try_here(SOLVING, jobs, failures_dir)
-    with worker_pool(run, workers) as pool:
-        return try_jobs(SOLVING, jobs, pool, failures_dir)

@@ -14,9 +14,9 @@ from typing import Any, NamedTuple, TypeVar
 from uuid import uuid4
 
 from gmrdata.stage.progress import console, progress_bar, track
-from gmrdata.stage.run import Shard
+from gmrdata.stage.run import Run, Shard
 from gmrdata.stage.store import NotMade
-from gmrdata.stage.workers import Fault, Pool, checked_workers, own_cores
+from gmrdata.stage.workers import Fault, Pool, checked_workers, own_cores, worker_pool
 from gmrdata.values.errors import GmrdataError, NothingMade, NoWorkers, StageFailed
 from gmrdata.values.files import as_text, write_text
 
@@ -142,6 +142,18 @@ def try_here(description: str, jobs: Sequence[Job], failures_dir: Path) -> Outco
             outcome.reasons[job.id] = _reason(error, error.__traceback__)
     record_failures(failures_dir, outcome.reasons, outcome.results)
     return outcome
+
+
+def try_batch(
+    description: str, jobs: Sequence[Job], failures_dir: Path, run: Run, few: int = 0
+) -> Outcome:
+    """`try_jobs` with a local worker for each core; `try_here` for one worker, or so few jobs that
+    workers would start no sooner, unless the run has a cluster or is a share."""
+    workers = run.workers or min(len(jobs), own_cores())
+    if run.shard is run.scheduler is None and (workers == 1 or len(jobs) <= few):
+        return try_here(description, jobs, failures_dir)
+    with worker_pool(run, workers) as pool:
+        return try_jobs(description, jobs, pool, failures_dir)
 
 
 def _look_first(jobs: Sequence[Job]) -> Results:

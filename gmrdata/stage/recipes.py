@@ -23,14 +23,7 @@ Recipe = TypeVar("Recipe", bound=Config)
 def find_recipe(name: str) -> Path:
     """Path of a recipe: a file that exists, or one that travels with gmrdata ("demo")."""
     path = Path(name)
-    if path.is_file():
-        return path
-    try:
-        return recipe_path(name.removeprefix("pipelines/"))
-    except MissingInput:
-        known = recipe_names()
-        carried = f"gmrdata carries only: {', '.join(known)}{nearest(name, known)}"
-        raise MissingInput(f"{name}: no such recipe file, and {carried}") from None
+    return path if path.is_file() else recipe_path(name)
 
 
 def recipe_kind(path: Path) -> str:
@@ -91,7 +84,7 @@ def published_names() -> list[str]:
 
 def recipe_path(name: str) -> Path:
     """Path of a recipe that gmrdata carries, e.g. "paper/table4"; MissingInput if none."""
-    return _find(_RECIPES, name, "recipe")
+    return _find(_RECIPES, name.removeprefix("pipelines/"), "recipe file")
 
 
 def recipe_names() -> list[str]:
@@ -112,9 +105,8 @@ def _names(folder: Path) -> list[str]:
 
 
 def _find(folder: Path, name: str, what: str) -> Path:
-    wanted = name.removesuffix(".yaml")
-    if wanted not in _names(folder):
-        known = _names(folder)
-        there = f"there are: {', '.join(known) or 'none'}{nearest(wanted, known)}"
-        raise MissingInput(f"no {what} {name!r}; {there}")
+    wanted, known = name.removesuffix(".yaml"), _names(folder)
+    if wanted not in known:
+        carried = f"gmrdata carries only: {', '.join(known)}{nearest(wanted, known)}"
+        raise MissingInput(f"{name}: no such {what}, and {carried}")
     return folder / f"{wanted}.yaml"

@@ -211,7 +211,7 @@ def test_what_can_not_be_split_is_said(make_manifest):
             split_manifests([path], data)
     only = split_manifests([path], held_out, to_train=False)
     assert ([file.entry.id for file in only.held_out], only.training) == (["02_03"], ())
-    with pytest.raises(MissingInput, match="no published manifest 'table9'"):
+    with pytest.raises(MissingInput, match="table9: no such published manifest"):
         split_manifests([path], DataConfig(never_train_on=("table9",)))
     with pytest.raises(BadRecipe, match="has 2 weights for 1 manifests"):
         split_manifests([path], DataConfig(weights=(1.0, 2.0)))
