@@ -11,6 +11,7 @@ from gmrdata.cli import options as flags
 from gmrdata.cli.answers import answer, answer_json, print_table
 from gmrdata.gmr.config import BUNDLED, Which
 from gmrdata.score import Deviation, ProtocolName, SeenAs
+from gmrdata.stage.recipes import read_recipe
 from gmrdata.stage.run import Run
 from gmrdata.values.errors import BadRecipe
 
@@ -49,7 +50,7 @@ def train(
     from gmrdata.stage.store import state_of
 
     flags.need(manifests, "a manifest file")
-    given = flags.read_recipe(recipe, GmrRecipe)
+    given = read_recipe(recipe, GmrRecipe)
     if given.training or given.scored or given.body:
         said = f"{recipe}: names manifests or a body, which `gmrdata train` takes as flags"
         raise BadRecipe(f"{said}. Leave them out, or use `gmrdata run {recipe}`")

@@ -10,6 +10,7 @@ from gmrdata.cli import options as flags
 from gmrdata.cli.answers import answer, answer_json, print_table, then
 from gmrdata.cli.options import Manifest, Manifests, need
 from gmrdata.stage.progress import answers
+from gmrdata.stage.recipes import read_recipe
 from gmrdata.values.errors import BadManifest, BadMotionFile, BadRecipe, GmrdataError
 
 if TYPE_CHECKING:
@@ -157,7 +158,7 @@ def render(
     from gmrdata.film.set_plan import SyntheticRecipe
     from gmrdata.pages.sets import preview_set, write_set_pages
 
-    loaded = flags.read_recipe(recipe, SyntheticRecipe)
+    loaded = read_recipe(recipe, SyntheticRecipe)
     if dry_run:
         flags.show_dry_run(loaded, out, motions, run.workers, probe)
     elif preview:

@@ -215,13 +215,6 @@ FEATURES = arg(help="Folder with <clip id>.npz that hold image `features` (T, D)
 BootstrapSeed = Annotated[int, arg(help="Seed of the bootstrap intervals.")]
 
 
-def read_recipe(name: str, model: type[AnyRecipe]) -> AnyRecipe:
-    """The recipe that a RecipeName stands for."""
-    from gmrdata.stage import recipes
-
-    return recipes.read_recipe(name, model)
-
-
 def on_device(config: AnyRecipe, device: str | None) -> AnyRecipe:
     """The settings of a training with --device, if it was given."""
     return config if device is None else config.model_copy(update={"device": device})

@@ -10,6 +10,7 @@ from tyro.conf import OmitArgPrefixes, OmitSubcommandPrefixes, Positional, arg, 
 
 from gmrdata.cli import options as flags
 from gmrdata.cli.answers import answer, print_table, then
+from gmrdata.stage.recipes import read_recipe
 from gmrdata.values.errors import BadRecipe, BadSequence, MissingInput
 
 if TYPE_CHECKING:
@@ -43,7 +44,7 @@ def threedpw_regenerate(
     from gmrdata.threedpw import regenerate as stage
     from gmrdata.threedpw.recipe import ThreedpwRecipe
 
-    loaded = flags.read_recipe(recipe, ThreedpwRecipe)
+    loaded = read_recipe(recipe, ThreedpwRecipe)
     if sequences:
         loaded = loaded.model_copy(update={"sequences": sequences})
     if dry_run:
@@ -118,7 +119,7 @@ def threedpw_twin(
     from gmrdata.pages.sets import write_set_pages
     from gmrdata.twins.twin_set import SET_FOLDER, TwinRecipe, make_twins
 
-    loaded = flags.read_recipe(recipe, TwinRecipe)
+    loaded = read_recipe(recipe, TwinRecipe)
     if dry_run:
         flags.show_dry_run(loaded.set, out / SET_FOLDER, motions, run.workers, probe)
         return
@@ -181,7 +182,7 @@ def floor(
     from gmrdata.twins.sampling import film_of, twin_recipe
     from gmrdata.twins.twin_set import SET_FOLDER, read_truth
 
-    loaded, regenerated = flags.read_recipe(recipe, ThreedpwRecipe), out / stage.REGENERATED_FOLDER
+    loaded, regenerated = read_recipe(recipe, ThreedpwRecipe), out / stage.REGENERATED_FOLDER
     folder = out / stage.TWINS_FOLDER if twins is None else twins
     pages: AbstractContextManager[None] = nullcontext()
     if twins is not None:

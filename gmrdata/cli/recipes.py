@@ -15,6 +15,7 @@ from gmrdata.cli.motion_files import render
 from gmrdata.cli.paper_tables import Seen, tables
 from gmrdata.cli.pseudo_gt import threedpw_regenerate, threedpw_twin
 from gmrdata.cli.video import masks
+from gmrdata.stage.recipes import find_recipe, load_recipe, read_recipe, recipe_kind
 from gmrdata.stage.run import Run
 from gmrdata.values.errors import BadRecipe, MissingInput
 
@@ -45,7 +46,7 @@ def demo(
         raise BadRecipe("--shard: a demo has a handful of clips and is not shared; leave it out")
     if trials and motions is None:
         raise BadRecipe("--trials: names of files of --motions. Give that folder too")
-    loaded = flags.read_recipe(recipe, DemoRecipe)
+    loaded = read_recipe(recipe, DemoRecipe)
     if dry_run:
         print_table(("stage", "state"), plan(loaded, out))
     else:
@@ -60,7 +61,6 @@ def report(demo_out: Positional[Path]) -> None:
     """
     from gmrdata.cli.demo_figures import show
     from gmrdata.cli.demo_recipe import DemoPaths, DemoRecipe
-    from gmrdata.stage.recipes import load_recipe
 
     paths = DemoPaths(demo_out.resolve())
     show(paths, load_recipe(paths.recipe, DemoRecipe))
@@ -125,8 +125,6 @@ def run(
         recipe: A recipe file, or the name of one that travels with gmrdata.
         out: Output folder.
     """
-    from gmrdata.stage.recipes import find_recipe, recipe_kind
-
     path = find_recipe(recipe)
     kind = recipe_kind(path)
     if kind not in TAKES:
@@ -185,7 +183,6 @@ def _train_and_score(path: Path, out: Path, inputs: Inputs, run: Run) -> None:
     """Train to OUT/run, and score on the recipe's manifests to OUT/scores."""
     from gmrdata.gmr.train import GmrRecipe, train
     from gmrdata.score.score import score
-    from gmrdata.stage.recipes import load_recipe
 
     recipe = load_recipe(path, GmrRecipe)
     if recipe.training and inputs.manifest:

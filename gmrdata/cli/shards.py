@@ -48,10 +48,9 @@ def share(arguments: Sequence[str]) -> Iterator[None]:
     if out is not None and SHARD_FLAG in typed and not LOOKS & {*typed}:
         record = CommandRecord(arguments=tuple(typed), folder=str(Path.cwd()))
         record.write(Path.cwd() / out / COMMAND_FILE)
-    if left is not None and left.failed:
-        fail(str(left))
     if left is not None:
-        remark(str(left))
+        say = fail if left.failed else remark
+        say(str(left))
 
 
 def _parted(arguments: Sequence[str]) -> list[str]:
@@ -99,8 +98,7 @@ def merge(out: Positional[Path]) -> None:
 def merging(path: Path, record: CommandRecord, out: Path) -> list[str]:
     """The command of a shard, as the share 0 of as many: it works on nothing.
 
-    BadRecord where it is not a command of shards, writes another folder than `out`, or was given in
-    a folder that is not here.
+    BadRecord where it is no command of shards of `out`, or its working folder is not here.
     """
     typed = list(record.arguments)
     values = _values(typed)

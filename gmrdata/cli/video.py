@@ -339,9 +339,8 @@ def _show_videos(out: Path, *, as_json: bool) -> None:
     from gmrdata.pages.batches import write_videos_page
     from gmrdata.solve.videos import RECORD_FILE, Videos
 
-    record = Videos.read(out / RECORD_FILE)
+    record, page = Videos.read(out / RECORD_FILE), write_videos_page(out)
     if as_json:
-        page = write_videos_page(out)
         answer_json({"out": str(out), "page": str(page)} | record.model_dump(mode="json"))
         return
     counts = {state: record.in_state(state) for state in ("accepted", "rejected", "failed")}
@@ -353,7 +352,7 @@ def _show_videos(out: Path, *, as_json: bool) -> None:
     if rows:
         print_table(HEADINGS, rows)
     answer(", ".join(f"{len(found)} {state}" for state, found in counts.items()))
-    answer(write_videos_page(out))
+    answer(page)
     answer(out / RECORD_FILE)
 
 

@@ -23,7 +23,7 @@ from gmrdata.values import limits
 from gmrdata.values.body import JOINT, JOINT_NAMES, PARENTS, PHENOTYPES, BodyModel
 from gmrdata.values.clip import CharacterRecord
 from gmrdata.values.errors import BadCharacter, MissingInput
-from gmrdata.values.files import parse_json
+from gmrdata.values.files import parse_json, require_file
 from gmrdata.values.joint_names import REQUIRED, joints_by_name, mapped_joints
 from gmrdata.values.records import Config
 from gmrdata.values.transforms import angles_deg
@@ -89,8 +89,7 @@ _FBX_STARTS = (b"Kaydara FBX Binary", b"; FBX")
 def linked_files(path: Path) -> dict[str, Path]:
     """Buffers and pictures that a character's file names, by those names; all are in its folder.
     None for FBX, whose pictures must be inside the file."""
-    if not path.is_file():
-        raise MissingInput(f"{path}: no such file")
+    require_file(path)
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
         what = "a character is a .glb, .gltf or .fbx file"

@@ -26,8 +26,8 @@ from gmrdata.film.programmes import (
 )
 from gmrdata.film.render import RenderConfig, RenderJob
 from gmrdata.film.scene import SceneConfig
-from gmrdata.manifest.current import CameraMotion, ListManifest, Semver, Source
-from gmrdata.manifest.read import read_manifest
+from gmrdata.manifest.current import CameraMotion, Semver, Source
+from gmrdata.manifest.read import published_list
 from gmrdata.motion.files import FileReading, find_motions, input_files, read_file, require_motion
 from gmrdata.motion.gait import make_gait
 from gmrdata.motion.ground import on_ground
@@ -36,7 +36,6 @@ from gmrdata.motion.resample import hold_pose
 from gmrdata.motion.rest_pose import LONGEST_LEG_M, SHORTEST_LEG_M
 from gmrdata.read.body_file import read_body
 from gmrdata.read.source_motion import DEFAULT_READING, ReadConfig
-from gmrdata.stage import recipes
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values import limits
@@ -312,9 +311,6 @@ def _by_trial(motions_dir: Path, wanted: Container[str | None]) -> dict[str, Pat
 def _listed(name: str | None) -> list[SyntheticClip]:
     if name is None:
         return []
-    published = read_manifest(recipes.published_manifest(name))
-    if not isinstance(published, ListManifest):
-        raise BadRecipe(f"published_list: {name} is no list of trials")
     return [
         SyntheticClip(
             id=row.id,
@@ -322,7 +318,7 @@ def _listed(name: str | None) -> list[SyntheticClip]:
             programme=PROGRAMMES[row.programme],
             duration_s=row.frames.stop / row.fps_hz,
         )
-        for row in published.clips
+        for row in published_list(name)
         if row.programme in PROGRAMMES
     ]
 

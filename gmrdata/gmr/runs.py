@@ -16,11 +16,10 @@ import numpy as np
 
 from gmrdata.gmr.config import DataConfig
 from gmrdata.manifest.current import Clip as ClipEntry
-from gmrdata.manifest.current import ListManifest, Manifest, Source
-from gmrdata.manifest.read import listed_path, load_entry, read_data_set, read_manifest
+from gmrdata.manifest.current import Manifest, Source
+from gmrdata.manifest.read import listed_path, load_entry, published_list, read_data_set
 from gmrdata.motion.resample import resample, valid_runs
 from gmrdata.read.source_motion import CMU_TRIAL, in_cmu
-from gmrdata.stage import recipes
 from gmrdata.values.body import BodyModel, body_of
 from gmrdata.values.clip import Clip, clip_on_body
 from gmrdata.values.errors import BadManifest, BadMotionFile, BadRecipe, GmrdataError
@@ -343,10 +342,7 @@ def cmu_trial(source: Source) -> str | None:
 
 
 def _listed(name: str) -> frozenset[tuple[str, str]]:
-    published = read_manifest(recipes.published_manifest(name))
-    if not isinstance(published, ListManifest):
-        raise BadRecipe(f"data.never_train_on: {name} is no published list")
-    return frozenset(source_key(row.source) for row in published.clips)
+    return frozenset(source_key(row.source) for row in published_list(name))
 
 
 def source_key(source: Source) -> tuple[str, str]:

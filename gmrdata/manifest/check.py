@@ -168,10 +168,7 @@ def _advancing(manifest: Manifest, name: str) -> Iterator[Callable[[], None]]:
     folders = [part for clip in manifest.clips for part in listing.folders_of(clip).values()]
     n_files = sum(1 + len(listing.files_of(clip)) for clip in manifest.clips)
     n_files += sum(1 + folder.count for folder in folders)
-    if n_files <= listing.BAR_FROM:
-        yield lambda: None
-        return
-    with progress_bar() as bar:
+    with progress_bar(shown=n_files > listing.BAR_FROM) as bar:
         task = bar.add_task(f"checking {name}", total=n_files)
         yield lambda: bar.advance(task)
 

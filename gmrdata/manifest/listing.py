@@ -73,8 +73,6 @@ def folder_record(root: Path, folder: Path) -> FolderRecord:
 
 def read_listing(path: Path) -> list[ListedFile]:
     """Read a listing, whose paths must be safe, in order, and there once."""
-    if not path.is_file():
-        raise MissingInput(f"{path}: no such listing")
     try:
         rows = path.read_bytes().decode("utf-8").split("\n")
     except UnicodeDecodeError:

@@ -15,10 +15,17 @@ from pydantic import TypeAdapter, ValidationError
 
 from gmrdata import __version__
 from gmrdata.manifest import yaml_text
-from gmrdata.manifest.current import READS, AnyManifest, FrameRange, ListManifest, Manifest
+from gmrdata.manifest.current import (
+    READS,
+    AnyManifest,
+    FrameRange,
+    ListedClip,
+    ListManifest,
+    Manifest,
+)
 from gmrdata.manifest.current import Clip as ClipEntry
 from gmrdata.stage.progress import console
-from gmrdata.stage.recipes import schema_v1
+from gmrdata.stage.recipes import published_manifest, schema_v1
 from gmrdata.values.clip import Clip, load_clip
 from gmrdata.values.errors import BadManifest
 from gmrdata.values.files import resolve_inside, taken_for, write_json
@@ -52,6 +59,13 @@ def read_manifest(path: str | Path) -> Manifest | ListManifest:
             for problem in error.errors()
         ]
         raise BadManifest(join_problems(path, problems)) from None
+
+
+def published_list(name: str) -> tuple[ListedClip, ...]:
+    """The rows of a list that gmrdata publishes, e.g. "paper_table8"; MissingInput if none."""
+    published = read_manifest(published_manifest(name))
+    assert isinstance(published, ListManifest)  # as all are
+    return published.clips
 
 
 def load_clips(path: str | Path) -> list[Clip]:

@@ -10,12 +10,10 @@ from typing import Literal
 
 import numpy as np
 
-from gmrdata.manifest.current import ListManifest
-from gmrdata.manifest.read import read_manifest
+from gmrdata.manifest.read import published_list
 from gmrdata.read.amc import read_amc, read_asf
 from gmrdata.read.download import FetchConfig, Wanted, fetch_files, folder_address
 from gmrdata.read.source_motion import is_trial
-from gmrdata.stage import recipes
 from gmrdata.stage.locks import locked
 from gmrdata.values.errors import BadMotionFile, BadRecipe, BadRecord, FetchFailed
 from gmrdata.values.files import sha256_of_file, write_text
@@ -37,9 +35,7 @@ def check_trials(names: Iterable[str]) -> tuple[str, ...]:
 
 def listed_trials(name: str) -> tuple[str, ...]:
     """CMU's trials in a list that gmrdata publishes, e.g. "paper_table8"; BadRecipe if none."""
-    published = read_manifest(recipes.published_manifest(name))
-    rows = published.clips if isinstance(published, ListManifest) else ()
-    trials = [row.source.sequence for row in rows if row.source.dataset == "CMU"]
+    trials = [row.source.sequence for row in published_list(name) if row.source.dataset == "CMU"]
     if not trials:
         raise BadRecipe(f"--list {name}: names no CMU trials; paper_table8 does")
     return check_trials(trials)

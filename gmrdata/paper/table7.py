@@ -5,10 +5,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from gmrdata.manifest import yaml_text
-from gmrdata.manifest.current import Clip, FrameRange, ListedClip, ListManifest, Manifest
-from gmrdata.manifest.read import read_manifest
+from gmrdata.manifest.current import Clip, FrameRange, ListedClip, Manifest
+from gmrdata.manifest.read import published_list, read_manifest
 from gmrdata.score.table import csv_text
-from gmrdata.stage.recipes import published_manifest
 from gmrdata.values.errors import BadManifest, MissingInput
 from gmrdata.values.files import write_text
 
@@ -78,9 +77,7 @@ class ComparedRow:
 
 def compare_with_table7(path: Path) -> list[ComparedRow]:
     """Lay 3DPW pseudo ground truth, a manifest or its folder, beside Table 7: a row per person."""
-    table7 = read_manifest(published_manifest("paper_table7"))
-    assert isinstance(table7, ListManifest)
-    return compare(_clips_of_3dpw(find_manifest(path)), table7.clips)
+    return compare(_clips_of_3dpw(find_manifest(path)), published_list("paper_table7"))
 
 
 def compare(clips: Sequence[Clip], listed: Sequence[ListedClip]) -> list[ComparedRow]:

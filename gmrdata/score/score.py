@@ -15,8 +15,8 @@ from gmrdata.gmr.runs import (
     source_key,
     usable_files,
 )
-from gmrdata.manifest.current import ListManifest, Manifest
-from gmrdata.manifest.read import read_manifest
+from gmrdata.manifest.current import Manifest
+from gmrdata.manifest.read import published_list
 from gmrdata.read.bodies import body_inputs, load_bodies
 from gmrdata.score import METHODS
 from gmrdata.score.clip_errors import ClipErrors, across_clips, clip_errors
@@ -309,11 +309,9 @@ def motion_types(manifest: Manifest) -> dict[str, str]:
     """Type of motion by clip id: the label of its sequence in a published list, if it has one."""
     labels: dict[tuple[str, str], str] = {}
     for name in recipes.published_names():
-        published = read_manifest(recipes.published_manifest(name))
-        if isinstance(published, ListManifest):
-            for row in published.clips:
-                if row.label is not None:
-                    labels.setdefault(source_key(row.source), row.label)
+        for row in published_list(name):
+            if row.label is not None:
+                labels.setdefault(source_key(row.source), row.label)
     keys = {one.id: source_key(one.source) for one in manifest.clips}
     return {id: labels[key] for id, key in keys.items() if key in labels}
 

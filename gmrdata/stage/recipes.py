@@ -11,7 +11,7 @@ from typing import TypeVar
 from pydantic import ValidationError
 
 from gmrdata.values.errors import BadRecipe, MissingInput, nearest
-from gmrdata.values.files import taken_for
+from gmrdata.values.files import require_file, taken_for
 from gmrdata.values.limits import MOST_RECIPE_BYTES
 from gmrdata.values.plain_yaml import NotPlain, parse
 from gmrdata.values.records import Config
@@ -52,8 +52,7 @@ def read_recipe(recipe: Recipe | Path | str, model: type[Recipe]) -> Recipe:
 
 
 def _read(path: Path) -> dict[str, object]:
-    if not path.is_file():
-        raise MissingInput(f"{path}: no such file")
+    require_file(path)
     if path.stat().st_size > MOST_RECIPE_BYTES:
         raise BadRecipe(
             f"{path}: larger than {MOST_RECIPE_BYTES} bytes, more than a recipe. Split it"
