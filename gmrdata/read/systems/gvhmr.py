@@ -18,7 +18,7 @@ may be used; it is of the video's own camera.
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -115,13 +115,15 @@ def _placed(params: Entry, n_rows: int, rows: np.ndarray) -> tuple[np.ndarray, n
 
 def _camera(
     whole: Entry, n_rows: int, rows: np.ndarray
-) -> tuple[Pinhole, tuple[float, float] | None]:
+) -> tuple[Pinhole | Literal["own"], tuple[float, float] | None]:
     """The camera by row, and the size of the pictures by its principal point."""
     matrices_px = whole.array("K_fullimg", n_rows, 3, 3)[rows]
     whole.positive("the focal length in K_fullimg", matrices_px[:, 0, 0])
+    if whole.has("valid"):  # of a lens that may bend pictures, which K_fullimg does not say
+        return "own", None
     width_px, height_px = 2.0 * np.median(matrices_px[:, :2, 2], axis=0)
-    size_px = None if whole.has("valid") else (float(width_px), float(height_px))
-    return Pinhole(matrices_px[:, 0, 0], matrices_px[:, :2, 2]), size_px
+    pinhole = Pinhole(matrices_px[:, 0, 0], matrices_px[:, :2, 2])
+    return pinhole, (float(width_px), float(height_px))
 
 
 def _in_world(world: Entry, seen: Entry, n_rows: int, rows: np.ndarray) -> InWorld:

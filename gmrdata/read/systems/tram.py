@@ -74,9 +74,7 @@ def read_tram_npz(arrays: dict[str, Any], path: Path) -> EstimatedPeople:
 def _person(entry: Entry, camera: Entry) -> EstimatedPerson:
     rotmats = entry.rotations("pred_rotmat", None, N_JOINTS)
     n_rows, in_camera, in_world = len(rotmats), None, None
-    numbers = np.arange(n_rows)
-    if entry.has("frame"):
-        numbers = entry.frame_numbers("frame", n_rows)
+    numbers = entry.frame_numbers("frame", n_rows) if entry.has("frame") else np.arange(n_rows)
     flat = getattr(entry.values.get("pred_trans"), "ndim", None) == 2
     transl_m = entry.array("pred_trans", *((n_rows, 3) if flat else (n_rows, 1, 3)))
     transl_m = transl_m.reshape(n_rows, 3)
