@@ -244,13 +244,14 @@ def reading(
     rest_pose: str | None,
     up: str | None,
 ) -> "ReadConfig":
-    """What a person said of motion files; raises BadRecipe for what is none of the choices."""
+    """What a person said of motion files; raises BadRecipe or MissingInput for what can't be."""
     from gmrdata.read.source_motion import ReadConfig
 
     said = {"fps_hz": fps_hz, "unit_m": unit_m, "joint_map": joint_map, "rest_pose": rest_pose}
-    said["up"] = up
     with flags_named():
-        return ReadConfig.model_validate(said)
+        config = ReadConfig.model_validate(said | {"up": up})
+    config.require_rest_file()
+    return config
 
 
 def as_text(dry_run: bool, as_json: bool) -> None:

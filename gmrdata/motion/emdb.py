@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from gmrdata.manifest.current import Clip as ClipEntry
 from gmrdata.manifest.current import Quality, Source
@@ -14,7 +13,7 @@ from gmrdata.motion.ground import motion_of
 from gmrdata.motion.library import motions_head, write_motions
 from gmrdata.read.bodies import keep_bodies
 from gmrdata.read.body_file import read_body
-from gmrdata.read.emdb import FPS_HZ, EmdbSequence, find_sequences, read_emdb
+from gmrdata.read.emdb import FPS_HZ, WORLD_FROM_EMDB, EmdbSequence, find_sequences, read_emdb
 from gmrdata.read.numbers import rigid_rows, smpl_rotmats, usable_rows
 from gmrdata.stage.progress import track
 from gmrdata.stage.run import DEFAULT_RUN, Run
@@ -25,10 +24,8 @@ from gmrdata.values.camera_motion import MotionClass, MotionClassConfig, classif
 from gmrdata.values.clip import Clip, camera_of, first_reasons, load_clip, save_clip
 from gmrdata.values.errors import BadBodyFile
 from gmrdata.values.records import Config, Record
-from gmrdata.values.transforms import apply, invert, rigid
+from gmrdata.values.transforms import apply, invert
 
-WORLD_FROM_EMDB = rigid(Rotation.from_euler("x", 90, degrees=True).as_matrix(), np.zeros(3))
-"""(4, 4): EMDB's world is y-up, ours z-up."""
 LICENCE = "EMDB's licence (non-commercial research; not to be passed on)"
 ABOUT_FILE, CLIP_FILE = "about.json", "clip.npz"
 DESCRIPTIONS = {

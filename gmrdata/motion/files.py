@@ -4,7 +4,6 @@ import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import get_args
 
 import numpy as np
 from pydantic import ValidationError
@@ -229,21 +228,15 @@ def _on_body(
 
     rest = config.rest_pose
     if isinstance(rest, Path):  # before the skeleton is hung on its pelvis, and the pose with it
-        source = replace(source, added_pose=pose_of(_rest_file(rest), source, str(path)))
+        config.require_rest_file()
+        # A pose has no rate, so whatever its header says is no fault.
+        standing = read_bvh(rest, fps_hz=30.0, drop_rest_frame=False, fewest_frames=1)
+        source = replace(source, added_pose=pose_of(standing, source, str(path)))
     source, joints = on_pelvis(source, find(source), find)
     pitch_deg = CMU_UPRIGHT_PITCH_DEG if is_cmu(source.names) else {}
     said = replace(said, upright_pitch_deg=pitch_deg, rest=rest, up=config.up)
     source = source if config.unit_m is not None else in_metres(source, joints)
     return retarget(source, joints, body, said, str(path))
-
-
-def _rest_file(rest_pose: Path) -> SourceMotion:
-    """The motion that begins with the pose to stand in."""
-    if not rest_pose.is_file():
-        known = ", ".join(get_args(RestPose))
-        raise MissingInput(f"{rest_pose}: no such file. --rest-pose takes a BVH file, or {known}")
-    # A pose has no rate, so whatever its header says is no fault.
-    return read_bvh(rest_pose, fps_hz=30.0, drop_rest_frame=False, fewest_frames=1)
 
 
 def input_files(path: Path) -> dict[str, Path]:

@@ -267,9 +267,10 @@ def make_library(
     out_dir = Path(out_dir).resolve()
     # By absolute paths: a worker of another machine may run in another folder.
     files = library_files(tuple(source.absolute() for source in as_paths(sources)))
-    body_paths = _keep(body, out_dir / "body", run)
     said = {"fps_hz": fps_hz, "unit_m": unit_m, "joint_map": joint_map, "rest_pose": rest_pose}
     config = ReadConfig.model_validate(said | {"up": up})
+    config.require_rest_file()
+    body_paths = _keep(body, out_dir / "body", run)
     own = {name: file.absolute() for name, file in config.inputs.items()}
     config = config.model_copy(update=own)
     shared = {"body_paths": body_paths, "out_dir": out_dir, "config": config, "run": run}

@@ -11,10 +11,14 @@ import numpy as np
 
 from gmrdata.read import numbers
 from gmrdata.read.safe_pickle import load_plain
+from gmrdata.values.body import WORLD_FROM_REST
 from gmrdata.values.errors import MissingInput
 from gmrdata.values.files import files_inside, visible
+from gmrdata.values.transforms import rigid
 
 FPS_HZ = 30.0  # rate of the images and all arrays [Hz]
+WORLD_FROM_EMDB = rigid(WORLD_FROM_REST, np.zeros(3))
+"""(4, 4): EMDB's world is y-up, ours z-up."""
 LARGEST_FILE_BYTES = 1 << 29  # EMDB's own files have some ten million bytes
 GENDERS = ("female", "male", "neutral")
 

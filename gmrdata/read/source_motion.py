@@ -7,13 +7,13 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePath
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 from pydantic import Field
 
 from gmrdata.read.numbers import bad_line
-from gmrdata.values.errors import BadMotionFile
+from gmrdata.values.errors import BadMotionFile, MissingInput
 from gmrdata.values.records import Config
 from gmrdata.values.skinning import global_rotmats, joint_positions_m
 
@@ -56,6 +56,12 @@ class ReadConfig(Config):
     def recorded(self) -> "ReadConfig":
         """The same without its files, which count in a stage's record by their content."""
         return self.model_copy(update=dict.fromkeys(self.inputs))
+
+    def require_rest_file(self) -> None:
+        """MissingInput where `rest_pose` is none of the words, and no file that is there."""
+        if isinstance(self.rest_pose, Path) and not self.rest_pose.is_file():
+            what = f"no such file. --rest-pose takes a BVH file, or {', '.join(get_args(RestPose))}"
+            raise MissingInput(f"{self.rest_pose}: {what}")
 
 
 DEFAULT_READING = ReadConfig()

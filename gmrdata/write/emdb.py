@@ -10,18 +10,16 @@ from pathlib import Path
 
 import numpy as np
 
-from gmrdata.read.emdb import FPS_HZ, EmdbSequence
+from gmrdata.read.emdb import FPS_HZ, WORLD_FROM_EMDB, EmdbSequence
 from gmrdata.read.numbers import usable_rows
-from gmrdata.values.body import WORLD_FROM_REST, BodyModel
+from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import project
 from gmrdata.values.clip import Clip, camera_of
 from gmrdata.values.errors import BadSequence
 from gmrdata.values.files import write_bytes
-from gmrdata.values.transforms import invert, rigid, rotvecs_from_rotmats
+from gmrdata.values.transforms import invert, rotvecs_from_rotmats
 from gmrdata.write.pickles import python3_pickle
 
-WORLD_FROM_EMDB = rigid(WORLD_FROM_REST, np.zeros(3))
-"""(4, 4): EMDB's world is y-up, ours z-up."""
 N_BETAS = 10
 _NAME = re.compile(r"(P\d{1,2})_(.+)")
 

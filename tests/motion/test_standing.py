@@ -267,6 +267,9 @@ def test_the_zero_pose_may_be_given(write, small_body):
     ):
         with pytest.raises((BadMotionFile, MissingInput), match=words):
             read_motion(path, small_body, rest_pose=wrong)
+    with pytest.raises(MissingInput, match="^tpose: no such file. --rest-pose takes"):
+        make_library([path], "anny", path.parent / "out", rest_pose=Path("tpose"))
+    assert not (path.parent / "out").exists()
 
 
 @pytest.mark.parametrize("frame_time", ["0", "1"])
