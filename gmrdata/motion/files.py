@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from pydantic import ValidationError
 
 from gmrdata.motion.amass import amass_rate, is_amass_extra, read_amass
 from gmrdata.motion.pelvis import NO_TURN, on_pelvis
@@ -39,7 +38,6 @@ from gmrdata.values.files import (
 )
 from gmrdata.values.joint_names import CMU_UPRIGHT_PITCH_DEG, find_joints, is_cmu
 from gmrdata.values.motion import Motion
-from gmrdata.values.records import first_problem
 from gmrdata.values.transforms import angles_rad
 
 STIFF_DEG, STIFF_WAY_M = 2.0, 1.0  # radians make at most 1.6 degrees of a quarter turn
@@ -100,15 +98,11 @@ def read_motion(
             for a motion of another body than `body`; one of its own stays where the file has it.
     """
     path = Path(path)
-    _check_options(path, body, unit_m, shape)
-    joint_map = Path(joint_map) if isinstance(joint_map, str) else joint_map
+    _check_shape(path, body, shape)
     asf_path = None if asf_path is None else Path(asf_path)
     names = dict(joint_map) if isinstance(joint_map, Mapping) else joint_map
     said = {"fps_hz": fps_hz, "unit_m": unit_m, "joint_map": names, "rest_pose": rest_pose}
-    try:
-        config = ReadConfig.model_validate(said | {"up": up})
-    except ValidationError as error:
-        raise BadRecipe(f"{path}: {first_problem(error)}") from None
+    config = ReadConfig.of(said | {"up": up}, path)
     if path.suffix.lower() == ".npz":
         return read_amass(path, body, config, shape=shape, source_body=source_body, ground=ground)
     source = _read_source(path, config, asf_path, drop_rest_frame)
@@ -125,7 +119,7 @@ def read_file(
 ) -> FileReading:
     """`read_motion` as a recipe says, with where the rate is from and the residual."""
     require_text(path, BadMotionFile)
-    _check_options(path, body, config.unit_m, shape)
+    _check_shape(path, body, shape)
     valid = None
     if path.suffix.lower() == ".npz":
         motion, residual = read_amass(path, body, config, shape=shape, ground=ground), None
@@ -285,11 +279,7 @@ def _is_of_a_stage(folder: Path) -> bool:
     )
 
 
-def _check_options(
-    path: Path, body: BodyModel, unit_m: float | None, shape: np.ndarray | None
-) -> None:
-    if unit_m is not None and not 0.0 < unit_m < np.inf:
-        raise BadRecipe(f"{path}: unit_m is {unit_m}; a unit is a positive number of metres")
+def _check_shape(path: Path, body: BodyModel, shape: np.ndarray | None) -> None:
     if shape is not None and (np.shape(shape) != (body.n_shape,) or not np.isfinite(shape).all()):
         what = f"body {body.name} takes a shape of {body.n_shape} finite numbers"
         raise BadRecipe(f"{path}: {what}; leave it out for the mean shape")

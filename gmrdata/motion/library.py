@@ -268,7 +268,7 @@ def make_library(
     # By absolute paths: a worker of another machine may run in another folder.
     files = library_files(tuple(source.absolute() for source in as_paths(sources)))
     said = {"fps_hz": fps_hz, "unit_m": unit_m, "joint_map": joint_map, "rest_pose": rest_pose}
-    config = ReadConfig.model_validate(said | {"up": up})
+    config = ReadConfig.of(said | {"up": up}, out_dir)
     config.require_rest_file()
     body_paths = _keep(body, out_dir / "body", run)
     own = {name: file.absolute() for name, file in config.inputs.items()}

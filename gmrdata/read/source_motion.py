@@ -4,17 +4,17 @@ And `ReadConfig`: what a person says of such a file that it doesn't show.
 """
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePath
-from typing import Literal, get_args
+from typing import Literal, Self, get_args
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, ValidationError
 
 from gmrdata.read.numbers import bad_line
-from gmrdata.values.errors import BadMotionFile, MissingInput
-from gmrdata.values.records import Config
+from gmrdata.values.errors import BadMotionFile, BadRecipe, MissingInput
+from gmrdata.values.records import Config, first_problem
 from gmrdata.values.skinning import global_rotmats, joint_positions_m
 
 RestPose = Literal["t", "a", "arms_down", "arms_up", "along_axes", "first_frame"]
@@ -45,6 +45,14 @@ class ReadConfig(Config):
     first frame the person stands."""
     up: UpAxis | None = None
     """Which axis of the file's world is up."""
+
+    @classmethod
+    def of(cls, said: Mapping[str, object], where: Path) -> Self:
+        """From what a caller says of files; BadRecipe, by their path, for what can't be."""
+        try:
+            return cls.model_validate(said)
+        except ValidationError as error:
+            raise BadRecipe(f"{where}: {first_problem(error)}") from None
 
     @property
     def inputs(self) -> dict[str, Path]:

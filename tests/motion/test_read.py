@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from gmrdata.motion.files import find_motions, read_motion
+from gmrdata.motion.library import make_library
 from gmrdata.values.errors import BadMotionFile, BadRecipe, MissingInput
 
 
@@ -88,6 +89,10 @@ def test_other_suffixes_are_refused(tmp_path, small_body):
 def test_wrong_options(tmp_path, small_body, options):
     with pytest.raises(BadRecipe, match=r"a\.bvh"):
         read_motion(_touch(tmp_path / "a.bvh"), small_body, **options)
+    if "shape" not in options:
+        with pytest.raises(BadRecipe, match=r"out: `(up|unit_m)` is wrong"):
+            make_library([tmp_path], "anny", tmp_path / "out", **options)
+        assert not (tmp_path / "out").exists()
 
 
 def test_a_motion_that_is_read_twice_is_the_same(cmu_dir, small_body):
