@@ -482,21 +482,25 @@ def export_glb(clips: Sequence["ExportedClip"], options: ExportOptions) -> Write
     from gmrdata.write.glb import write_glb
 
     clip, body = clips[0].clip, clips[0].body
-    motion, camera = clip.motion, clip.camera
-    return partial(write_glb, motion=motion, body=body, shown=clip.valid, camera=camera)
+    return partial(write_glb, motion=clip.motion, body=body, shown=clip.valid, camera=clip.camera)
 
 
 def export_runs(clips: Sequence["ExportedClip"], options: ExportOptions, suffix: str) -> Writer:
     """A file of AMASS's layout or BVH for each unbroken stretch of valid frames, named by its first
-    and last row."""
+    and last row; a frame alone is no motion."""
     from gmrdata.write.amass import write_amass
     from gmrdata.write.bvh import write_bvh
 
     write = {".npz": write_amass, ".bvh": write_bvh}[suffix]
     id, clip, body = clips[0].id, clips[0].clip, clips[0].body
+    runs = [(start, stop) for start, stop in valid_runs(clip.valid) if stop - start > 1]
+    if not runs:
+        raise BadMotionFile("has no two valid frames in a row, and one is no motion")
+    if n_alone := int(clip.valid.sum()) - sum(stop - start for start, stop in runs):
+        remark(f"clip {id}: {n_alone} valid frames stand alone, in no {suffix}: one is no motion")
 
     def write_runs(path: Path) -> None:
-        for start, stop in valid_runs(clip.valid):
+        for start, stop in runs:
             name = f"{id}_{start:05d}-{stop - 1:05d}{suffix}"
             write(path / name, clip.motion.take(slice(start, stop)), body)
 

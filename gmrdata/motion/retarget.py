@@ -28,7 +28,7 @@ A file whose zero pose is the body's own rest pose has the body's rotations: not
 then, and its world and shape are kept (`own_shape`).
 
 The zero pose is one in which the person stands; a file whose own is none is told from another
-(`standing.from_standing`).
+(`rest_pose.from_standing`).
 
 Local rotations are H_parent^T H_j.  Source joints that are not in the map (CMU's hip joints, extra
 spine and neck joints) thus are merged, as G is global; SMPL joints that the source lacks follow

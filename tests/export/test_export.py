@@ -375,6 +375,28 @@ def test_frames_are_those_of_the_whole_video(walkers, small_body, tmp_path, ever
     assert found.frame_numbers.tolist() == np.array(numbers)[clip.valid].tolist()
 
 
+def test_a_frame_alone_is_no_file(walkers, small_body, tmp_path, capsys):
+    """One was written, which our own reader refuses: `motions` on the folder ended in an error."""
+    clip = walkers[0]
+    for name, rows, files in (
+        ("gap", [0, 1, 2, 4, 6, 7], {"gap_00000-00002", "gap_00006-00007"}),
+        ("alone", [2, 4], set[str]()),
+    ):
+        valid = np.isin(np.arange(clip.motion.n_frames), rows)
+        rest_pelvis_m = small_body.rest_pelvis_m(clip.motion.shape)
+        path, out = tmp_path / f"{name}.npz", tmp_path / name
+        save_clip(path, replace(clip, id=name, valid=valid), rest_pelvis_m)
+        save_body(tmp_path / "body/body.npz", small_body)
+        made = gmrdata.export(path, ["amass", "bvh"], out)
+        for one, suffix in zip(made, (".npz", ".bvh"), strict=True):
+            assert {file.name for file in out.rglob(f"*{suffix}")} == {f + suffix for f in files}
+            assert ("no two valid frames in a row" in one.left_out) == (not files)
+            for file in out.rglob(f"*{suffix}"):
+                gmrdata.read_motion(file, small_body)
+    said = "clip gap: 1 valid frames stand alone, in no .npz: one is no motion"
+    assert said in " ".join(capsys.readouterr().err.split())
+
+
 @pytest.fixture(scope="module")
 def solved(made_set, filmed_set, tmp_path_factory) -> Path:
     """A regenerated set as COLMAP models and GEM-X's files; tests leave them as they are."""

@@ -66,8 +66,7 @@ def read_system(path: Path, need: Part = "poses") -> EstimatedPeople:
         raise BadMotionFile(f"{path}: {what}. Give a file with tracked people")
     for person in found.people:
         if why := person.lacks.get(need):
-            what = f"{person.name} has {why}, so {MISSED[need]}"
-            raise BadMotionFile(f"{path}: {what}. {AGAIN}")
+            raise BadMotionFile(f"{path}: {person.name} has {why}, so {MISSED[need]}. {AGAIN}")
     return found
 
 

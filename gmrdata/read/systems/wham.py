@@ -49,10 +49,9 @@ def _person(entry: Entry) -> EstimatedPerson:
     entry = entry if entry.has("pose") or not entry.has("poses_body") else _of_api(entry)
     key = "pose" if entry.has("pose") or not entry.has("pose_world") else "pose_world"
     rotmats = rotmats_of(entry.array(key, None, 3 * N_JOINTS))
-    n_rows, body, in_camera, in_world = len(rotmats), None, None, None
+    n_rows, in_camera, in_world = len(rotmats), None, None
     numbers, betas = entry.frame_numbers("frame_ids", n_rows), entry.betas("betas", n_rows)
-    if isinstance(entry.values.get("body"), str):
-        body = entry.values["body"]
+    body = entry.values["body"] if isinstance(entry.values.get("body"), str) else None
     if entry.has(*CAMERA_KEYS):
         transl_m = entry.array("trans", n_rows, 3)
         in_camera = InCamera(rotmats[:, 0], transl_m, "own" if body else "diagonal")
