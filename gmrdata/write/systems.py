@@ -130,8 +130,8 @@ def _wham_person(person: TrackedPerson) -> dict[str, object]:
     require_finite(motion, np.flatnonzero(rows))
     is_smpl = motion.body.startswith(SMPL)
     rest_pelvis_m = person.rest_pelvis_m if is_smpl else np.array(SMPL_REST_PELVIS_M)
-    shape = motion.shape if is_smpl else np.zeros(N_BETAS)
-    shape = np.pad(shape, (0, max(0, N_BETAS - len(shape))))
+    shape = np.trim_zeros(motion.shape, "b") if is_smpl else np.zeros(N_BETAS)
+    shape = np.pad(shape, (0, max(0, N_BETAS - len(shape))))  # 10, unless the others say something
     arrays = dict[str, np.ndarray]()
     if camera is not None:
         in_camera = placed(motion, invert(camera.world_from_cam[rows]), rest_pelvis_m)

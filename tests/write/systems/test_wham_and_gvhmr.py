@@ -64,6 +64,17 @@ def test_wham_by_plain_pickle(people, walkers, small_body, tmp_path):
             assert np.abs(motion_joints_m(small_body, seen) - wanted_m).max() < MM
 
 
+@pytest.mark.parametrize(("last", "n_betas"), [(0.0, 10), (0.3, 16)])
+def test_wham_has_its_ten_betas_where_they_are_enough(people, tmp_path, last, n_betas):
+    """A body of 10 that was loaded beside one of 16 had 6 zeros more, and SMPL's layers take 10."""
+    shape = np.pad(people[0].motion.shape, (0, 16 - len(people[0].motion.shape)))
+    shape[15] = last
+    person = replace(people[0], motion=replace(people[0].motion, shape=shape))
+    betas = pickle.loads(wham_bytes([person]))[0]["betas"]
+    np.testing.assert_array_equal(betas[0], shape[:n_betas].astype(np.float32))
+    assert betas.shape == (people[0].rows.sum(), n_betas)
+
+
 def test_wham_comes_back(people, tmp_path):
     path = tmp_path / "wham_output.pkl"
     path.write_bytes(wham_bytes(people))
