@@ -71,7 +71,7 @@ def chosen_body(path: Path, names: Collection[str]) -> str:
     """
     wanted = None
     if path.suffix.lower() == ".npz":
-        wanted = _named_body(joined_poses(read_npz(path, plain_alone=True)))
+        wanted = _named_body(joined_poses(read_npz(path, plain_alone=True), path))
     for name in (wanted, NEUTRAL):
         if name is not None and name in names:
             return name
@@ -104,7 +104,7 @@ def read_amass(
     if is_amass_extra(path):
         motions = "motions are *_poses.npz and *_stageii.npz"
         raise BadMotionFile(f"{path}: holds a subject's shape and no motion; {motions}")
-    arrays = joined_poses(read_npz(path, plain_alone=True))
+    arrays = joined_poses(read_npz(path, plain_alone=True), path)
     if str(arrays.get("frame", "world")) != "world":
         raise BadMotionFile(f"{path}: a clip in camera frames; make its pseudo ground truth first")
     known = _known_rows(arrays, path)

@@ -2,9 +2,12 @@
 
 import re
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+from gmrdata.values.errors import BadMotionFile
 
 RATE_KEYS = ("mocap_framerate", "mocap_frame_rate")
 """SMPL+H's and SMPL-X's name of the frame rate [Hz]."""
@@ -19,11 +22,15 @@ SPLIT_KEYS = {
 """Names of the parts of `poses`, and of `trans`, in files that have these: AMASS's and smplx's."""
 
 
-def joined_poses(arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+def joined_poses(arrays: dict[str, np.ndarray], path: Path) -> dict[str, np.ndarray]:
     """The same with `poses` (T, n), of one array or of the parts that SMPL-X's files split it into.
 
     Hands that are not there are straight.  21 joints of a body are SMPL-X's, 23 are SMPL's.
+    BadMotionFile for HuMoR's `stage3_results.npz`, which has these keys, but no world.
     """
+    if "floor_plane" in arrays:
+        what = "HuMoR's motion before the camera, which leans as the camera did"
+        raise BadMotionFile(f"{path}: {what}. Give the stage3_results_prior.npz beside it")
     if "poses" in arrays:
         poses = arrays["poses"]  # some have (T, J, 3)
         is_rows = poses.ndim == 3 and poses.shape[2] == 3

@@ -219,6 +219,7 @@ def test_cmus_index_does_not_depend_on_how_the_path_is_typed(tmp_path, small_bod
         ({"poses": np.array([{"a": 1}], dtype=object)}, "no array 'poses'"),
         ({"mocap_framerate": "fast"}, "mocap_framerate does not hold numbers"),
         ({"poses": None}, "no AMASS motion, it has no array 'poses'"),
+        ({"floor_plane": np.zeros(4)}, "HuMoR's motion before the camera.*results_prior.npz"),
         ({"trans": None}, "no array 'trans'"),
         ({"poses": np.zeros((6, 150))}, r"poses are \(6, 150\).*SMPL"),
         ({"poses": np.zeros(156)}, r"poses are \(156,\)"),

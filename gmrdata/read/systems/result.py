@@ -123,7 +123,7 @@ def _npz(path: Path) -> EstimatedPeople:
         return slahmr.read_slahmr(arrays, path)
     # In parts by AMASS's names, since others are of files before a camera too; or by joint.
     if arrays.keys() >= slahmr.KEYS or arrays.keys() >= AMASS_KEYS:
-        arrays = joined_poses(arrays)
+        arrays = joined_poses(arrays, path)
     if arrays.keys() >= AMASS_KEYS:
         return _with_amass_keys(arrays, path)
     what = "not TRAM's (pred_rotmat), not SLAHMR's (trans, root_orient, pose_body), no motion with"

@@ -269,6 +269,9 @@ def test_amass_in_parts_is_no_slahmr(tmp_path):
     np.testing.assert_allclose(
         person.local_rotmats[:, :21], system_files.rotmats(pose)[:, 1:], atol=1e-6
     )
+    np.savez(tmp_path / "x.npz", **parts, floor_plane=np.zeros(4))
+    with pytest.raises(BadMotionFile, match=r"HuMoR's motion before the camera, which leans"):
+        read_system(tmp_path / "x.npz", "world")
 
 
 @pytest.mark.parametrize("key", ["gender", "betas"])
