@@ -38,7 +38,7 @@ from gmrdata.stage.store import is_made
 from gmrdata.stage.workers import Pool, worker_pool
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import CHARACTER_FILE, Clip, load_character, load_clip, save_clip
-from gmrdata.values.errors import BadCharacter, BadRecipe, MissingInput, StageFailed
+from gmrdata.values.errors import BadRecipe, MissingInput, RenderOverLimit, StageFailed
 from gmrdata.values.files import remove_orphans, write_text
 from gmrdata.values.limits import MIB
 from gmrdata.values.records import compared
@@ -297,7 +297,7 @@ def dry_run(
                     if probe and measured is None:
                         place = folder / "probe" / id
                         measured = probe_clip(clips[id], body_path, job.config, place)
-            except (BadCharacter, BadRecipe, MissingInput, StageFailed) as error:
+            except (BadRecipe, RenderOverLimit, StageFailed) as error:
                 faults[id] = f"no probe could be rendered: {error}"
     new = [id for id in todo if not jobs[id].out_dir.exists()]
     states = dict.fromkeys(clips, "done") | dict.fromkeys(todo, OTHER_VALUES)

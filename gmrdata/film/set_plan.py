@@ -41,7 +41,14 @@ from gmrdata.stage.store import run_stage
 from gmrdata.values import limits
 from gmrdata.values.body import BodyModel, leg_length_m
 from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
-from gmrdata.values.errors import BadMotionFile, BadRecipe, MissingInput, StageFailed
+from gmrdata.values.errors import (
+    BadCharacter,
+    BadMotionFile,
+    BadRecipe,
+    MissingInput,
+    StageFailed,
+)
+from gmrdata.values.files import require_file
 from gmrdata.values.records import Config
 
 PLANNED_FILE = "clip.npz"
@@ -351,11 +358,17 @@ def plan_takes(
     jobs = {}
     for take in planned:
         shared = tuple(of_clip[id(take.clip)])
-        jobs[take.id] = RenderJob(
+        job = RenderJob(
             clip_path=paths[take.id],
             body_path=body_path,
             out_dir=clips_dir / take.id,
             config=render_config(recipe, take.clip),
             layout_paths=shared if len(shared) > 1 else (),
         )
+        try:
+            for path in job.inputs.values():
+                require_file(path)
+            jobs[take.id] = job
+        except (BadCharacter, BadMotionFile, MissingInput) as error:
+            reasons[take.id] = str(error)
     return jobs, reasons

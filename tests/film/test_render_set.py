@@ -181,7 +181,7 @@ def test_a_clip_that_no_probe_can_be_made_of_does_not_end_a_dry_run(cmu_dir, tmp
     recipe = RECIPE.model_dump() | {"clips": clips, "camera_off": False, "render": PLAIN}
     found = dry_run(SyntheticRecipe.model_validate(recipe), tmp_path / "out")
     gone, late, fine = (row[-1] for row in found.rows)
-    assert gone.startswith("no probe could be rendered: ") and "gone.glb: no such file" in gone
+    assert gone == f"can't be filmed: {tmp_path / 'gone.glb'}: no such file"
     assert re.search(r"no probe could be rendered: .*02_03\.bvh lasts \d.* takes 60\.10 s", late)
     assert fine == "to do" and found.probe is not None and found.clips_to_do == 2
 

@@ -149,6 +149,24 @@ def test_a_motion_that_lacks_its_skeleton_leaves_the_others(body_path, tmp_path)
     assert "its skeleton 02.asf is not beside it" in reasons["cmu"]
 
 
+def test_a_file_that_is_not_there_leaves_the_others(body_path, tmp_path):
+    """A dry run said that such a clip is to do, and the run found out in its turn."""
+    extras, gone = {"passers_by": 1, "motions": ["gone.bvh"]}, {"path": "gone.blend"}
+    lacking = {
+        "gone.hdr": {"scene": {"hdri_path": "gone.hdr"}},
+        "gone.blend": {"scene": {"kind": "blend", "backdrop": gone}},
+        "gone.bvh": {"scene": {"extras": extras}},
+        "gone.glb": {"character": {"path": "gone.glb"}},
+    }
+    walk = {"gait": "walk", "programme": {"kind": "small"}}
+    clips = [walk | {"id": name[5:]} | said for name, said in lacking.items()]
+    recipe = recipe_of(clips=[*clips, walk | {"id": "walk"}], camera_off=True)
+    jobs, reasons = plan_takes(select(recipe, None), body_path, tmp_path / "plan", tmp_path)
+    assert jobs.keys() == {"walk", "walk_off"}
+    wanted = {name[5:] + off: f"{name}: no such file" for name in lacking for off in ("", "_off")}
+    assert reasons == wanted
+
+
 @pytest.mark.parametrize("off_m", [0.4, -0.3, 0.0])
 def test_a_motion_of_the_sets_own_body_is_put_on_the_ground(small_body, tmp_path, off_m):
     """In a world whose floor is elsewhere it was filmed in the air, or below the ground."""
