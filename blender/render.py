@@ -42,9 +42,9 @@ def render(job: RenderJob, clip: Clip, body: BodyModel, wanted: CameraPath) -> N
     if config.scene.backdrop is None:  # a backdrop was looked at when the scene was built
         _check_clearance(clip_scene, clip, job.out_dir)
     set_up_render(scene, job)
-    add_mask_output(scene, work_dir)
-    if config.blend:
+    if config.blend:  # without our outputs: whoever renders it would write to this folder
         save_blend(clip_scene, scene_dir)
+    add_mask_output(scene, work_dir)
     tree = None
     if wants_surface(config):
         tree = add_surface_output(scene, clip_scene.actors, work_dir, config)
