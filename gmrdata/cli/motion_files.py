@@ -158,6 +158,8 @@ def render(
     from gmrdata.film.set_plan import SyntheticRecipe
     from gmrdata.pages.sets import preview_set, write_set_pages
 
+    if preview and (dry_run or run.shard):
+        raise BadRecipe("--preview: draws all clips at once. Leave --dry-run and --shard out")
     loaded = read_recipe(recipe, SyntheticRecipe)
     if dry_run:
         flags.show_dry_run(loaded, out, motions, run.workers, probe)

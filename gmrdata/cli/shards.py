@@ -15,9 +15,8 @@ from gmrdata.values.errors import BadRecord, MissingInput
 from gmrdata.values.records import Record
 
 COMMAND_FILE = ".shards.json"
-SHARD_FLAG, OUT_FLAG = "--shard", "--out"
+SHARD_FLAG, OUT_FLAG, DRY_RUN = "--shard", "--out", "--dry-run"
 SHARED_VERBS = ("motions", "render", "video", "threedpw", "floor", "tables", "run")
-LOOKS = {"--dry-run", "--preview"}  # flags with which nothing is made
 GONE = ("--print-slurm", "--print-kubernetes")
 
 
@@ -45,7 +44,7 @@ def share(arguments: Sequence[str]) -> Iterator[None]:
         yield
     except OthersLeft as others:
         left = others
-    if out is not None and SHARD_FLAG in typed and not LOOKS & {*typed}:
+    if out is not None and SHARD_FLAG in typed and DRY_RUN not in typed:
         record = CommandRecord(arguments=tuple(typed), folder=str(Path.cwd()))
         record.write(Path.cwd() / out / COMMAND_FILE)
     if left is not None:

@@ -176,6 +176,8 @@ def test_a_broken_motion_file_leaves_nothing_behind(gmrdata, tmp_path, content):
         ("infer CLIP --joint-map IN", "--joint-map: names joints of a .bvh or .amc, and walk"),
         ("infer CLIP --bridge-frames 3 --dry-run", "--bridge-frames: fills gaps in people"),
         ("motions IN --shard 3/2", "--shard 3/2: give it as 2/4"),
+        ("render synthetic --preview --shard 1/2", "--preview: draws all clips at once. Leave"),
+        ("render synthetic --preview --dry-run", "--preview: draws all clips at once. Leave"),
         ("export MANIFEST --to", "nothing given. Name a format"),
         ("export MANIFEST --to tum --clips nobody", "no clip nobody; there are walk"),
         ("export CLIP --to tum --which best", "--which: is for onnx alone"),
