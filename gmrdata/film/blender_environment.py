@@ -114,7 +114,7 @@ def set_up(base: str | None = None, *, redo: bool = False) -> Path:
     Raises:
         BlenderMissing: no such Python is there, or what is needed could not be installed.
     """
-    place = setup_dir()
+    place = setup_dir().resolve()  # a link, as to a larger disk, stays one
     with locked(place):
         if redo or not is_set_up():
             partial = place.with_name(place.name + ".partial")

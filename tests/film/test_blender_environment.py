@@ -96,6 +96,17 @@ def test_setup_makes_it_once_again_for_others_and_leaves_it_where_that_fails(mad
     assert environment.python_of(place).is_file() and not environment.is_set_up()
 
 
+def test_setup_follows_a_link_to_a_larger_disk(made, tmp_path):
+    """It made all beside the link, and ended in an OSError."""
+    link, disk = environment.setup_dir(), tmp_path / "disk"
+    disk.mkdir()
+    link.symlink_to(disk / "blender")
+    assert made() == made() == disk / "blender" and link.is_symlink()
+    environment.REQUIREMENTS.write_text("# others\n")
+    assert made() == disk / "blender" and environment.is_set_up()
+    assert sorted(path.name for path in disk.iterdir() if path.suffix != ".lock") == ["blender"]
+
+
 def test_setup_makes_it_again_where_its_python_has_gone(made, monkeypatch):
     """As after an upgrade of what it links to; setup did nothing, and was the remedy named."""
 
