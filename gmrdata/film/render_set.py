@@ -14,6 +14,7 @@ import numpy as np
 from gmrdata.film.character import residual_figures
 from gmrdata.film.render import RenderConfig, RenderJob, optional_outputs, render_clip
 from gmrdata.film.render_outputs import IN_FRAME, clearance_figures, whole_person_share
+from gmrdata.film.scene import Extras
 from gmrdata.film.set_plan import Selection, SyntheticRecipe, Take, plan_takes, select
 from gmrdata.manifest.current import Clip as ClipEntry
 from gmrdata.manifest.current import Quality, Source
@@ -27,9 +28,11 @@ from gmrdata.manifest.write import (
     write_manifest,
 )
 from gmrdata.motion.cmu import fetch_command
+from gmrdata.motion.files import read_file
 from gmrdata.motion.library import READING_FILE, ReadingRecord, licence_of, motion_source
 from gmrdata.read.bodies import keep_body
 from gmrdata.read.body_file import read_body
+from gmrdata.read.source_motion import DEFAULT_READING
 from gmrdata.stage import jobs as stage_jobs
 from gmrdata.stage.progress import remark
 from gmrdata.stage.recipes import read_recipe
@@ -46,6 +49,7 @@ from gmrdata.values.records import compared
 DESCRIPTION = "rendering frames"
 MASKS = "masks/[0-9]*.png"  # one for each frame
 OTHER_VALUES = "made with other values, needs --redo"
+REMEDY = "(in a recipe: the keys of `read`)"
 RETRIES = 1  # how often a crashed Blender process is started again
 
 
@@ -119,7 +123,8 @@ def render_selected(selection: Selection, out_dir: str | Path, run: Run = DEFAUL
         ]
         _write_listing(recipe, entries, out_dir, body, run, bool(reasons))
         unframed = frame_warnings(entries, recipe.min_in_frame_share).values()
-        _write_warnings(out_dir, [*_reading_warnings(out_dir, done), *unframed])
+        passing = _passing_warnings([jobs[take.id].config.scene.extras for take in done], body)
+        _write_warnings(out_dir, [*_reading_warnings(out_dir, done), *passing, *unframed])
     stage_jobs.raise_failures("synthetic set", reasons, len(selection.takes), failures_dir)
     return out_dir / "synthetic.yaml"
 
@@ -179,10 +184,20 @@ def _reading_warnings(out_dir: Path, takes: Sequence[Take]) -> list[str]:
     """A line for each thing that may be wrong with the motion file of a planned clip."""
     plans = {take.clip.id: out_dir / "plan" / take.clip.id / READING_FILE for take in takes}
     return [
-        f"clip {id}: {remark} (in a recipe: the keys of `read`)"
+        f"clip {id}: {remark} {REMEDY}"
         for id, path in plans.items()
         if path.is_file()  # not of a gait, nor of a plan that was made before there were any
         for remark in ReadingRecord.read(path).remarks
+    ]
+
+
+def _passing_warnings(places: Sequence[Extras], body: BodyModel) -> list[str]:
+    """The same of the motion files of passers-by."""
+    reads = {path: extras.read or DEFAULT_READING for extras in places for path in extras.motions}
+    return [
+        f"passer-by {path}: {remark} {REMEDY}"
+        for path, read in reads.items()
+        for remark in read_file(path, body, read).remarks
     ]
 
 

@@ -256,15 +256,21 @@ def test_the_origin_of_motions_and_what_is_odd_in_them_is_kept(tmp_path, anny):
         {"id": trial, "trial": trial, "duration_s": 0.5, "programme": {"kind": "small"}}
         for trial in ("fast", "kick_poses")
     ]
+    passing = {"passers_by": 1, "motions": [str(tmp_path / "motions" / "fast.bvh")]}
+    clips[1] |= {
+        "programme": {"kind": "static", "distance_m": 8.0},
+        "scene": {"kind": "room", "extras": passing},
+    }
     changes = {"clips": clips, "camera_off": False, "render": PLAIN, "workers": 1}
     recipe = SyntheticRecipe.model_validate(RECIPE.model_dump() | changes)
     manifest_path = render_set(recipe, tmp_path / "out", motions_dir=tmp_path / "motions")
     fast, kick = clips_of(manifest_path)
     assert (fast.source.dataset, fast.source.sequence) == ("file", "fast")
     assert (kick.source.dataset, kick.source.sequence) == ("AMASS", "KIT/3/kick_poses")
-    assert kick.licence == LICENCES["AMASS"] and fast.licence != kick.licence
-    (line,) = (tmp_path / "out" / "warnings.txt").read_text().splitlines()
+    assert kick.licence == f"{LICENCES['AMASS']}; passers-by: {fast.licence}"
+    line, passer_by = (tmp_path / "out" / "warnings.txt").read_text().splitlines()
     assert line.startswith("clip fast: walks at ") and line.endswith("the keys of `read`)")
+    assert passer_by == line.replace("clip fast", f"passer-by {passing['motions'][0]}")
 
 
 def test_a_clip_has_the_terms_of_its_passers_by_too(tmp_path):
