@@ -77,7 +77,7 @@ def blender_command(what: str | Path, *words: object) -> list[str]:
 
 def blender_variables() -> dict[str, str]:
     """The variables to run that with: what leads this Python to packages is not for another."""
-    own = python_is_own(blender_python())
+    own = blender_python().absolute() == Path(sys.executable).absolute()
     return {name: text for name, text in os.environ.items() if own or not _leads_python(name)}
 
 
@@ -85,11 +85,6 @@ def versions_said(lines: Sequence[str]) -> dict[str, str]:
     """Versions of the environment that its process printed; empty where it printed none."""
     said = [line.removeprefix(VERSIONS_LINE) for line in lines if line.startswith(VERSIONS_LINE)]
     return json.loads(said[-1]) if said else {}
-
-
-def python_is_own(python: Path) -> bool:
-    """Whether that is the Python of this process."""
-    return python.absolute() == Path(sys.executable).absolute()
 
 
 def _leads_python(name: str) -> bool:

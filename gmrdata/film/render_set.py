@@ -14,7 +14,6 @@ import numpy as np
 from gmrdata.film.character import residual_figures
 from gmrdata.film.render import RenderConfig, RenderJob, optional_outputs, render_clip
 from gmrdata.film.render_outputs import IN_FRAME, clearance_figures, whole_person_share
-from gmrdata.film.scene import Extras
 from gmrdata.film.set_plan import Selection, SyntheticRecipe, Take, plan_takes, select
 from gmrdata.manifest.current import Clip as ClipEntry
 from gmrdata.manifest.current import Quality, Source
@@ -49,7 +48,6 @@ from gmrdata.values.records import compared
 DESCRIPTION = "rendering frames"
 MASKS = "masks/[0-9]*.png"  # one for each frame
 OTHER_VALUES = "made with other values, needs --redo"
-REMEDY = "(in a recipe: the keys of `read`)"
 RETRIES = 1  # how often a crashed Blender process is started again
 
 
@@ -123,8 +121,7 @@ def render_selected(selection: Selection, out_dir: str | Path, run: Run = DEFAUL
         ]
         _write_listing(recipe, entries, out_dir, body, run, bool(reasons))
         unframed = frame_warnings(entries, recipe.min_in_frame_share).values()
-        passing = _passing_warnings([jobs[take.id].config.scene.extras for take in done], body)
-        _write_warnings(out_dir, [*_reading_warnings(out_dir, done), *passing, *unframed])
+        _write_warnings(out_dir, [*_reading_warnings(out_dir, done, jobs, body), *unframed])
     stage_jobs.raise_failures("synthetic set", reasons, len(selection.takes), failures_dir)
     return out_dir / "synthetic.yaml"
 
@@ -180,25 +177,21 @@ def _write_warnings(out_dir: Path, warnings: Sequence[str]) -> None:
         write_text(warnings_path, "".join(f"{line}\n" for line in warnings))
 
 
-def _reading_warnings(out_dir: Path, takes: Sequence[Take]) -> list[str]:
-    """A line for each thing that may be wrong with the motion file of a planned clip."""
+def _reading_warnings(
+    out_dir: Path, takes: Sequence[Take], jobs: Mapping[str, RenderJob], body: BodyModel
+) -> list[str]:
+    """A line for each thing that may be wrong with a motion file, of clips and of passers-by."""
     plans = {take.clip.id: out_dir / "plan" / take.clip.id / READING_FILE for take in takes}
-    return [
-        f"clip {id}: {remark} {REMEDY}"
+    places = [jobs[take.id].config.scene.extras for take in takes]
+    reads = {path: extras.read or DEFAULT_READING for extras in places for path in extras.motions}
+    said: dict[str, Sequence[str]] = {
+        f"clip {id}": ReadingRecord.read(path).remarks
         for id, path in plans.items()
         if path.is_file()  # not of a gait, nor of a plan that was made before there were any
-        for remark in ReadingRecord.read(path).remarks
-    ]
-
-
-def _passing_warnings(places: Sequence[Extras], body: BodyModel) -> list[str]:
-    """The same of the motion files of passers-by."""
-    reads = {path: extras.read or DEFAULT_READING for extras in places for path in extras.motions}
-    return [
-        f"passer-by {path}: {remark} {REMEDY}"
-        for path, read in reads.items()
-        for remark in read_file(path, body, read).remarks
-    ]
+    }
+    said |= {f"passer-by {path}": read_file(path, body, reads[path]).remarks for path in reads}
+    remedy = "(in a recipe: the keys of `read`)"
+    return [f"{who}: {remark} {remedy}" for who, remarks in said.items() for remark in remarks]
 
 
 def frame_warnings(entries: Sequence[ClipEntry], min_share: float) -> dict[str, str]:

@@ -41,13 +41,7 @@ from gmrdata.stage.store import run_stage
 from gmrdata.values import limits
 from gmrdata.values.body import BodyModel, leg_length_m
 from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
-from gmrdata.values.errors import (
-    BadCharacter,
-    BadMotionFile,
-    BadRecipe,
-    MissingInput,
-    StageFailed,
-)
+from gmrdata.values.errors import BadCharacter, BadMotionFile, BadRecipe, MissingInput, StageFailed
 from gmrdata.values.files import require_file
 from gmrdata.values.records import Config
 
@@ -339,7 +333,7 @@ def plan_takes(
     its twin share one place, which is laid out for the paths of both (Table 6).
     """
     recipe = selection.recipe
-    paths: dict[str, Path] = {}
+    paths, of_clip = dict[str, Path](), dict[str, list[Path]]()
     reasons: dict[str, str] = {}
     for take in selection.takes:
         clip, out_dir = take.clip, plans_dir / take.clip.id
@@ -349,22 +343,16 @@ def plan_takes(
             if take.camera_off:
                 path = make_twin(take.id, path, body_path, plans_dir / take.id, run=run)
             paths[take.id] = path
+            of_clip.setdefault(clip.id, []).append(path)
         except (BadMotionFile, BadRecipe, MissingInput, StageFailed) as error:
             reasons[take.id] = str(error)
-    planned = [take for take in selection.takes if take.id in paths]
-    of_clip: dict[int, list[Path]] = {}
-    for take in planned:
-        of_clip.setdefault(id(take.clip), []).append(paths[take.id])
     jobs = {}
-    for take in planned:
-        shared = tuple(of_clip[id(take.clip)])
+    for take in [take for take in selection.takes if take.id in paths]:
+        shared = tuple(of_clip[take.clip.id])
         job = RenderJob(
-            clip_path=paths[take.id],
-            body_path=body_path,
-            out_dir=clips_dir / take.id,
-            config=render_config(recipe, take.clip),
-            layout_paths=shared if len(shared) > 1 else (),
-        )
+            clip_path=paths[take.id], body_path=body_path, out_dir=clips_dir / take.id,
+            config=render_config(recipe, take.clip), layout_paths=shared if len(shared) > 1 else (),
+        )  # fmt: skip
         try:
             for path in job.inputs.values():
                 require_file(path)

@@ -41,7 +41,6 @@ SET = {
     "name": "floor",
     "people": {"vary": True},
     "render": {"samples": 5, "shutter": 0.5, "instances": True},
-    "min_in_frame_share": 0.9,
 }
 ROOMY = (1.05, 1.25)
 """How much farther away than the nearest that frames the person the camera is."""

@@ -156,10 +156,6 @@ class TwinRecipe(Config):
             raise ValueError("set.render.image_format: 3DPW's images are jpg")
         if self.set.camera_off or self.set.published_list:
             raise ValueError("set: name each sequence in `clips`, without camera_off or a list")
-        return self
-
-    @model_validator(mode="after")
-    def _sequences_have_names(self) -> "TwinRecipe":
         names = [clip.id for clip in self.set.clips]
         try:
             for name in names:

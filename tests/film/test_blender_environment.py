@@ -59,9 +59,8 @@ def test_only_our_packages_cross(tmp_path, monkeypatch):
     assert said.startswith("beside: gmrdata") and str(tmp_path / "numpy") not in said
     assert said.endswith(f"{script} a word\n")
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
-    assert ("PYTHONPATH" in environment.blender_variables()) == environment.python_is_own(
-        environment.blender_python()
-    )
+    own = str(environment.blender_python().absolute()) == sys.executable
+    assert ("PYTHONPATH" in environment.blender_variables()) == own
 
 
 def test_what_does_not_load_is_said_in_a_line(tmp_path):
