@@ -168,7 +168,7 @@ def test_a_dry_run_measures_two_frames(rendered, cmu_dir, tmp_path):
     assert dry_run(RECIPE, out_dir, motions_dir=cmu_dir, probe=False).seconds is None
 
 
-def test_a_clip_that_no_probe_can_be_made_of_does_not_end_a_dry_run(cmu_dir, tmp_path):
+def test_a_clip_that_no_probe_can_be_made_of_does_not_end_a_dry_run(cmu_dir, tmp_path, monkeypatch):
     """It ended in the first one's reason, without its name and without the table."""
     extras = {"passers_by": 1, "hold_s": 60.0, "motions": [cmu_dir / "bvh/02_03.bvh"]}
     odd = {
@@ -184,6 +184,10 @@ def test_a_clip_that_no_probe_can_be_made_of_does_not_end_a_dry_run(cmu_dir, tmp
     assert gone == f"can't be filmed: {tmp_path / 'gone.glb'}: no such file"
     assert re.search(r"no probe could be rendered: .*02_03\.bvh lasts \d.* takes 60\.10 s", late)
     assert fine == "to do" and found.probe is not None and found.clips_to_do == 2
+    monkeypatch.setenv("GMRDATA_BLENDER_GIB", "0.3")
+    alone = SyntheticRecipe.model_validate(recipe | {"clips": clips[2:]})
+    ((*_, fine),) = dry_run(alone, tmp_path / "out").rows
+    assert fine.startswith("no probe could be rendered: Blender asked for more memory than the 307")
 
 
 def test_a_saved_scene_is_counted_once_for_a_clip(small_body, body_path, tmp_path, monkeypatch):
