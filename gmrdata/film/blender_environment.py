@@ -15,6 +15,7 @@ from pathlib import Path
 
 from gmrdata.stage.locks import locked
 from gmrdata.values.errors import BlenderMissing
+from gmrdata.values.files import partial_of
 
 PYTHON_NAME = "GMRDATA_BLENDER_PYTHON"
 PACKAGES_DIR = Path(__file__).resolve().parents[2]
@@ -112,7 +113,7 @@ def set_up(base: str | None = None, *, redo: bool = False) -> Path:
     place = setup_dir().resolve()  # a link, as to a larger disk, stays one
     with locked(place):
         if redo or not is_set_up():
-            partial = place.with_name(place.name + ".partial")
+            partial = partial_of(place)
             shutil.rmtree(partial, ignore_errors=True)
             uv = shutil.which("uv")
             _make_by_uv(uv, partial, base) if uv else _make_by_venv(partial, base)

@@ -19,7 +19,7 @@ import numpy as np
 from gmrdata.gmr.config import Representation
 from gmrdata.stage.locks import locked
 from gmrdata.values.errors import BadRecord, MissingInput
-from gmrdata.values.files import NUMPY_ERRORS
+from gmrdata.values.files import NUMPY_ERRORS, partial_of
 from gmrdata.values.records import Record
 
 PACK_FILE = "pack.json"
@@ -90,7 +90,7 @@ def in_files(runs: Iterable[TrainingRun], folder: Path, about: PackRecord) -> Fl
         with suppress(MissingInput, BadRecord):
             found = PackRecord.read(folder / PACK_FILE)
         if found != about:
-            partial = folder.with_name(folder.name + ".partial")
+            partial = partial_of(folder)
             for old in (partial, folder):
                 shutil.rmtree(old, ignore_errors=True)
             partial.mkdir()

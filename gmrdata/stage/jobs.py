@@ -18,7 +18,7 @@ from gmrdata.stage.run import Run, Shard
 from gmrdata.stage.store import NotMade
 from gmrdata.stage.workers import Fault, Pool, checked_workers, own_cores, worker_pool
 from gmrdata.values.errors import GmrdataError, NothingMade, NoWorkers, StageFailed
-from gmrdata.values.files import as_text, write_text
+from gmrdata.values.files import as_text, partial_of, write_text
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -313,5 +313,4 @@ def count_files(folders: Sequence[Path], pattern: str, finished: dict[Path, int]
 
     left = [folder for folder in folders if folder not in finished]
     finished |= {folder: count(folder) for folder in left if folder.is_dir()}
-    unfinished = (folder.with_name(folder.name + ".partial") for folder in left)
-    return sum(finished.values()) + sum(map(count, unfinished))
+    return sum(finished.values()) + sum(count(partial_of(folder)) for folder in left)

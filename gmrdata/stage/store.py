@@ -25,6 +25,7 @@ from gmrdata.values.files import (
     STAGE_FILE,
     host_word,
     json_text,
+    partial_of,
     sha256_of_file,
     sha256_of_path,
     temporary_name,
@@ -141,7 +142,7 @@ def run_stage(
     if run.only_look:
         if check_out(name, out_dir, config, inputs, run):
             return out_dir
-        partial, begun = folder.with_name(folder.name + ".partial"), False
+        partial, begun = partial_of(folder), False
         if isinstance(work, Resumable) and work.costly and partial.is_dir():  # else not hashed
             recipe = _recipe(name, config, _InputHashes(folder, run).of(inputs))
             begun = _goes_on(partial, recipe, work, run)
@@ -264,7 +265,7 @@ def _partial_dir(
     locks reach so far.  Files of a resumable stage are the same then, each whole; another stage
     works in a folder of its own name.
     """
-    partial = out_dir.with_name(out_dir.name + ".partial")
+    partial = partial_of(out_dir)
     begun_by = _read_or_none(RecipeRecord, partial / RECIPE_FILE)
     if isinstance(work, Resumable):
         if not _goes_on(partial, recipe, work, run):
@@ -272,7 +273,7 @@ def _partial_dir(
     elif alone and (begun_by is None or begun_by.host == recipe.host):
         shutil.rmtree(partial, ignore_errors=True)
     else:
-        partial = out_dir.with_name(f"{temporary_name(out_dir)}.partial")
+        partial = partial_of(out_dir.with_name(temporary_name(out_dir)))
     partial.mkdir(exist_ok=True)
     return partial
 
@@ -313,7 +314,7 @@ def _publish(partial: Path, out_dir: Path, recipe: RecipeRecord) -> None:
     if out_dir.exists() and not _is_made(out_dir, recipe):
         out_dir.rename(retired)
     partial.rename(out_dir)
-    for left in (retired, out_dir.with_name(out_dir.name + ".partial")):
+    for left in (retired, partial_of(out_dir)):
         shutil.rmtree(left, ignore_errors=True)
 
 

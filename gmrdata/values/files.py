@@ -119,6 +119,11 @@ def temporary_name(path: Path) -> str:
     return f".{path.name}.{host_word()}-{os.getpid()}-{threading.get_ident()}.tmp"
 
 
+def partial_of(folder: Path) -> Path:
+    """Where a folder is made, which then gets its name at once; what was cut short stays there."""
+    return folder.with_name(f"{folder.name}.partial")
+
+
 @cache
 def host_word() -> str:
     """12 hex digits for this machine, its boot and the namespace of its process numbers."""
