@@ -100,9 +100,9 @@ def sfm(
 
 def _show_stages(frames: Path, part: Any, stages: Sequence[str]) -> None:
     """What some stages would do with frames, and about how long they take."""
-    from gmrdata.solve.plan import HEADINGS, plan_stages
+    from gmrdata.solve.plan import HEADINGS, plan_stages, planned_frames
 
-    planned = plan_stages(frames, part, stages)
+    planned = plan_stages(planned_frames(frames, part), stages)
     print_table(HEADINGS, planned.rows)
     answer(planned.summary(frames))
 

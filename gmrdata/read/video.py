@@ -86,30 +86,43 @@ def has_times(source: Path) -> bool:
     return is_video(source) or (source / VIDEO_FILE).is_file()
 
 
-def count_images(path: Path, config: VideoConfig) -> tuple[int, tuple[int, int]]:
-    """About how many images `extract_video` would write, and their (width, height): by the times
-    in the file's index or of its packets, and its first picture alone.  Errors as there."""
+def expected_frames(path: Path, config: VideoConfig) -> FrameSet:
+    """About which frames `extract_video` would take, without paths and times: by the times in the
+    file's index or of its packets, and its first picture alone.  Errors as there."""
     import av
 
     require_file(path)
     with _explained(path), opened(path) as container:
-        stream = _video_stream(path, container)
+        stream, reading = _video_stream(path, container), _Reading()
         shown_s, within_s = _shown_s(container, stream), _same_time_s(stream)
         size_px = stream.codec_context.width, stream.codec_context.height
         with suppress(av.FFmpegError, StopIteration):
             container.seek(0)
-            _, image = next(_pictures(path, container, stream, VideoConfig(), _Reading()))
+            _, image = next(_pictures(path, container, stream, VideoConfig(), reading))
             size_px = image.shape[1], image.shape[0]
-        to_s = np.inf if config.to_s is None else config.to_s
-        taken = (shown_s >= config.from_s - within_s) & (shown_s <= to_s + within_s)
-        n_taken = int(taken[:: config.every].sum())
-        _require_in_budget(path, n_taken, size_px)
-        _require_several(path, n_taken, _Reading(times_s=shown_s.tolist()))
-        return n_taken, size_px
+        shown_s = shown_s[reading.n_cut :] - shown_s[reading.n_cut : reading.n_cut + 1]
+        to_s = (np.inf if config.to_s is None else config.to_s) + within_s
+        taken = np.flatnonzero((shown_s >= config.from_s - within_s) & (shown_s <= to_s))
+        taken = taken[taken % config.every == 0]
+        _require_in_budget(path, len(taken), size_px)
+        seen = _Reading(times_s=shown_s.tolist())
+        _require_several(path, len(taken), seen)
+        rate_hz, _ = _rated(path, stream, seen)
+        return FrameSet(
+            folder=path,
+            paths=(),
+            numbers=taken // config.every,
+            size_px=size_px,
+            frame_numbers=taken,
+            n_frames=None if (shown_s > to_s).any() else len(shown_s),
+            times_s=np.full(len(taken), np.nan),
+            rate_hz=rate_hz / config.every,
+            video_path=path,
+        )
 
 
 def _shown_s(container: "InputContainer", stream: Any) -> np.ndarray:
-    """(T,) when each frame is shown, from the first one on [s]; nothing is decoded."""
+    """(T,) rising: when each frame is shown, from the first one on [s]; nothing is decoded."""
     entries = getattr(stream, "index_entries", None) or ()
     if container.format.name.startswith("mov") and entries:
         # When they are decoded, which for so many is as far apart.
@@ -121,7 +134,7 @@ def _shown_s(container: "InputContainer", stream: Any) -> np.ndarray:
         shown_s = rows / float(stream.average_rate or stream.guessed_rate or 1)
         if len(known):
             shown_s = np.interp(rows, known, np.sort(at_s[known]))
-    return shown_s - shown_s[:1]
+    return np.unique(shown_s - shown_s[:1])
 
 
 def as_frames(
@@ -211,6 +224,11 @@ class _Reading:
     @property
     def n_frames(self) -> int:
         return len(self.times_s)
+
+    @property
+    def n_cut(self) -> int:
+        first_s = self.first_time_s or 0.0
+        return sum(time_s < first_s - 1e-6 for time_s in self.cut_times_s)
 
     @property
     def last_time_s(self) -> float:
@@ -575,7 +593,7 @@ def _count_expected(container: "InputContainer", stream: Any, reading: _Reading)
     """Frames that the file holds by its own count, as far as it was read."""
     times_s, first_s = reading.packet_times_s, reading.first_time_s or 0.0
     stopped_at_s = reading.stopped_at_s
-    n_cut = sum(time_s < first_s - 1e-6 for time_s in reading.cut_times_s)
+    n_cut = reading.n_cut
     if stopped_at_s is not None:
         end_s = stopped_at_s + first_s - 1e-6
         before = sum(time_s is not None and time_s < end_s for time_s in times_s)

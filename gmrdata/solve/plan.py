@@ -4,11 +4,11 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from gmrdata.cameras.lens.intrinsics import GivenIntrinsics, given_lens
+from gmrdata.cameras.lens.intrinsics import GivenIntrinsics
 from gmrdata.cameras.lens.self_calibration import ENOUGH_FRAMES
 from gmrdata.read.bodies import load_body
-from gmrdata.read.gravity import ups_by_frame
-from gmrdata.read.video import VideoConfig, as_frames, count_images, is_video
+from gmrdata.read.gravity import read_gravity
+from gmrdata.read.video import VideoConfig, as_frames, expected_frames, is_video
 from gmrdata.read.video_files import NamedVideo, find_videos
 from gmrdata.solve.request import (
     DEFAULT_CONFIG,
@@ -18,10 +18,11 @@ from gmrdata.solve.request import (
     paths_of,
     people_of,
 )
-from gmrdata.solve.solve import chosen_body
+from gmrdata.solve.solve import chosen_body, require_of_frames
 from gmrdata.solve.videos import Batch, prepared
 from gmrdata.stage.progress import track
 from gmrdata.values.errors import GmrdataError
+from gmrdata.values.frame_set import FrameSet
 
 FRAME_S, MASK_S, QUICK_MASK_S, LENS_S, SFM_S = 0.012, 0.07, 0.05, 0.025, 0.12
 BODY_S, OWN_POSE_S, SHOWN_S, QUICK_SHOWN_S = 0.025, 0.03, 0.04, 0.02
@@ -68,7 +69,7 @@ class VideoPlan(NamedTuple):
 def plan_video(request: SolveRequest, config: SolveConfig) -> VideoPlan:
     """By the file's own word, or by the images of a folder; errors as of `SolveRequest.check`, and
     of reading them."""
-    request.check()
+    found = request.check()
     people = request.people
     asked = {
         "frames": True,
@@ -80,9 +81,13 @@ def plan_video(request: SolveRequest, config: SolveConfig) -> VideoPlan:
         "page": True,
     }
     stages = [name for name, is_on in asked.items() if is_on]
-    planned = plan_stages(request.source, request.part, stages, alone=people is None)
-    if request.lens is not None:
-        given_lens(request.lens, planned.size_px)
+    frames = planned_frames(request.source, request.part).with_rate(request.fps_hz)
+    if request.part is not None and request.part.take_what_decodes:
+        found = None  # nobody knows how many do
+    require_of_frames(request, found, frames, config)
+    if request.gravity_path is not None and people is not None:
+        read_gravity(request.gravity_path, frames)
+    planned = plan_stages(frames, stages, alone=people is None)
     n_pixels = planned.size_px[0] * planned.size_px[1]
     shrink = min(1.0, config.sfm.max_image_size_px / max(planned.size_px))
     image_mb = MASKS_MB * asked["masks"] + (PIXEL_MB * n_pixels * shrink**2 if shrink < 1 else 0.0)
@@ -90,20 +95,20 @@ def plan_video(request: SolveRequest, config: SolveConfig) -> VideoPlan:
     return planned._replace(disk_gb=planned.n_images * image_mb / 1e3)
 
 
-def plan_stages(
-    source: Path, part: VideoConfig | None, stages: Sequence[str], *, alone: bool = False
-) -> VideoPlan:
-    """Some stages of a video or a folder of images, for people or for cameras `alone`; errors as of
-    `plan_video`."""
-    mask_s, shown_s = (QUICK_MASK_S, QUICK_SHOWN_S) if alone else (MASK_S, SHOWN_S)
+def planned_frames(source: Path, part: VideoConfig | None) -> FrameSet:
+    """Those of a folder, or about those of a video; errors as of reading them."""
     if is_video(source):
-        n_images, size_px = count_images(source, part or VideoConfig())
-    else:
-        frames = as_frames(source, Path(), part)  # as they are: nothing is made of a folder
-        n_images, size_px = len(frames.paths), frames.size_px
+        return expected_frames(source, part or VideoConfig())
+    return as_frames(source, Path(), part)  # as they are: nothing is made of a folder
+
+
+def plan_stages(frames: FrameSet, stages: Sequence[str], *, alone: bool = False) -> VideoPlan:
+    """Some stages of `planned_frames`, for people or for cameras `alone`."""
+    mask_s, shown_s = (QUICK_MASK_S, QUICK_SHOWN_S) if alone else (MASK_S, SHOWN_S)
+    n_images, size_px = len(frames.numbers), frames.size_px
     share = size_px[0] * size_px[1] / (1280 * 720)
     seconds = {
-        "frames": n_images * FRAME_S * share if is_video(source) else 0.0,
+        "frames": n_images * FRAME_S * share if frames.video_path else 0.0,
         "masks": n_images * mask_s * max(1.0, share),
         "intrinsics": INTRINSICS_S + min(n_images, ENOUGH_FRAMES) * LENS_S,
         "sfm": SFM_START_S + n_images * SFM_S * (n_images / SFM_IMAGES) ** SFM_GROWTH,
@@ -140,9 +145,8 @@ def plan_videos(
     people, results = people_of(poses, body, config, gravity)
     if people is not None or results is not None:
         load_body(chosen_body(body))
-    if gravity is not None:
-        ups_by_frame(Path(gravity))
-    request = SolveRequest(paths[0], people, lens, fps_hz, part)
+    felt = None if gravity is None else Path(gravity)
+    request = SolveRequest(paths[0], people, lens, fps_hz, part, felt)
     found = find_videos(paths)
     if found is None:
         planned = plan_video(request.of(NamedVideo("", paths[0], results), body), config)

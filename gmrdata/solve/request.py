@@ -18,6 +18,7 @@ from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.values.errors import BadRecipe, MissingInput, NoReconstruction
 from gmrdata.values.files import as_paths
 from gmrdata.values.frame_set import FrameSet, require_rate
+from gmrdata.values.people import EstimatedPeople as PeopleOfSystem
 from gmrdata.values.people import PersonFiles
 from gmrdata.values.records import Config
 from gmrdata.world.bodies import BodiesConfig
@@ -118,8 +119,8 @@ class SolveRequest:
     part: VideoConfig | None = None
     gravity_path: Path | None = None  # what the phone felt, as `read_gravity` takes it
 
-    def check(self) -> None:
-        """Refuse what can't be right before anything is made.
+    def check(self) -> PeopleOfSystem | None:
+        """Refuse what can't be right before anything is made; gives people of another system.
 
         Raises:
             MissingInput: the source is not there.
@@ -131,7 +132,8 @@ class SolveRequest:
                 raise MissingInput(f"{self.source}: no such video, or folder of images")
             require_rate(self.source, self.fps_hz, has_times=has_times(self.source))
         if isinstance(self.people, EstimatedPeople) and self.people.results_path is not None:
-            read_system(self.people.results_path, "camera")
+            return read_system(self.people.results_path, "camera")
+        return None
 
     @property
     def given(self) -> GivenPeople:

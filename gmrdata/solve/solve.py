@@ -67,6 +67,7 @@ from gmrdata.values.people import (
     LocalPosesRecord,
     PersonFiles,
 )
+from gmrdata.values.people import EstimatedPeople as PeopleOfSystem
 from gmrdata.world.bodies import BODIES_FILE, BodiesRecord, check_people, make_bodies
 from gmrdata.world.picture_fit import PeopleMasks
 from gmrdata.world.pseudo_gt import WorldEvidence, make_pseudo_gt
@@ -99,7 +100,7 @@ def solve(
         BadFrames, MissingInput, BadMotionFile and what else `SolveRequest.check` and the stages
             raise.
     """
-    request.check()
+    found = request.check()
     if request.source.is_dir() and out_dir.resolve() == request.source.resolve():
         # Files among frames would be others when the run goes on.
         raise StaleOutput(f"{out_dir}: is the folder of frames. Pass another --out, as one in it")
@@ -109,7 +110,7 @@ def solve(
     judged = _records(out_dir) if any((out_dir / name).exists() for name in results) else None
     body_path = _body(request, out_dir, run)
     frames = _frames(request, out_dir, run)
-    _require_of_frames(request, frames, config)
+    require_of_frames(request, found, frames, config)
     solved = Solved(request, out_dir, config, frames, run, body_path)
     solved = replace(solved, gravity_path=_gravity(request, out_dir, frames))
     for step in (_followed, _masks, _lens, _cameras, _cameras_again, _people, _world):
@@ -179,14 +180,16 @@ def _frames(request: SolveRequest, out_dir: Path, run: Run) -> FrameSet:
     return frames if is_given else frames.with_rate(request.fps_hz)
 
 
-def _require_of_frames(request: SolveRequest, frames: FrameSet, config: SolveConfig) -> None:
+def require_of_frames(
+    request: SolveRequest, found: PeopleOfSystem | None, frames: FrameSet, config: SolveConfig
+) -> None:
     """Refuse a lens, or people of a system, that can't be of these frames, before hours of masks
     and cameras."""
-    people = request.people
     if request.lens is not None:
         given_lens(request.lens, frames.size_px)
-    if isinstance(people, EstimatedPeople) and people.results_path is not None and people.asked:
-        check_people(people.results_path, frames, config.bodies)
+    if found is not None:
+        assert isinstance(request.people, EstimatedPeople) and request.people.results_path
+        check_people(found, request.people.results_path, frames, config.bodies)
 
 
 def _gravity(request: SolveRequest, out_dir: Path, frames: FrameSet) -> Path | None:

@@ -96,7 +96,7 @@ class FrameSet:
     def with_rate(self, fps_hz: float | None) -> "FrameSet":
         """The same with times: a video has its own, and images need a rate; errors as of
         `require_rate`."""
-        require_rate(self.folder, fps_hz, has_times=self.video is not None)
+        require_rate(self.folder, fps_hz, has_times=bool(np.isfinite(self.rate_hz)))
         if fps_hz is None:
             return self
         return replace(self, times_s=self.frame_numbers / fps_hz, rate_hz=fps_hz)

@@ -154,9 +154,10 @@ def make_bodies(
     return tuple(PersonFiles(out_dir / person_file(n), body_path) for n in range(len(people)))
 
 
-def check_people(poses_path: Path, frames: FrameSet, config: BodiesConfig) -> None:
+def check_people(
+    found: EstimatedPeople, poses_path: Path, frames: FrameSet, config: BodiesConfig
+) -> None:
     """Refuse people of other frames; errors as of `make_bodies`, as far as frames tell."""
-    found = read_system(poses_path, "camera")
     _check_frames(found, poses_path, frames, config)
     _seen_enough(found, poses_path, frames, config)
 
@@ -359,7 +360,7 @@ def _seen(frames: FrameSet, known: np.ndarray, frames_per_row: int) -> np.ndarra
     """(T,) bool: images that are of known frames (K,), or between two of them that follow each
     other in a file of every n-th frame and are near enough in time."""
     if not len(known):
-        return np.zeros(len(frames.paths), bool)
+        return np.zeros(len(frames.numbers), bool)
     step = min(frames_per_row, max(1, int(LONGEST_BETWEEN_S * frames.video_hz)))
     before = np.searchsorted(known, frames.frame_numbers, side="right") - 1
     after = np.searchsorted(known, frames.frame_numbers, side="left")

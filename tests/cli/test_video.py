@@ -182,7 +182,8 @@ def test_a_video_without_a_camera_path_is_rejected_with_the_reason(tmp_path, gmr
 
 
 def test_poses_of_another_video_are_refused(filmed_set, neutral, solved, tmp_path, gmrdata):
-    """By their frames, before hours of masks and cameras; or by the size of their images."""
+    """By their frames, by a dry run and before hours of masks and cameras; or by the size of their
+    images."""
     out = tmp_path / "out"
     out.mkdir()
     (out / "sfm").symlink_to(solved / "sfm")  # which need not be made again
@@ -193,7 +194,8 @@ def test_poses_of_another_video_are_refused(filmed_set, neutral, solved, tmp_pat
         (_shifted(clip, neutral, 400), "another video's, or rate. If it was made of every n-th"),
     ):
         path = system_files.write_joblib(tmp_path / "wham_output.pkl", content)
-        fails_cleanly(gmrdata(*given, "--poses", path), said)
+        for dry_run in ([], ["--dry-run"]):
+            fails_cleanly(gmrdata(*given, "--poses", path, *dry_run), said)
     seen = system_files.seen_person(clip.motion, camera_of(clip), neutral)
     half = system_files.write_torch(tmp_path / "a.pt", system_files.gvhmr_result(seen, 18))
     said = "is of 18 frames, and the video has 36, about every 2th"

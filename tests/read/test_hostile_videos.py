@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 import pytest
 
-from gmrdata.read.video import extract_video
+from gmrdata.read.video import VideoConfig, expected_frames, extract_video
 from gmrdata.values.errors import BadFrames, GmrdataError, MissingInput
 from gmrdata.values.frame_set import VideoRecord
 from tests.read.videos import extracted, make_video, picture, remuxed, textured
@@ -118,6 +118,7 @@ def test_pictures_that_a_cut_took_the_others_from_are_not_lost(tmp_path, name):
     cut = remuxed(whole, tmp_path / name, lambda place, _: place >= second)
     images, record = read(cut)
     assert (len(images), record.n_expected, record.rate_hz) == (len(shown), len(shown), 25)
+    assert expected_frames(cut, VideoConfig()).n_frames == len(shown)
     early = cut.rename(tmp_path / f"early{cut.suffix}")
     _, part = read(early, to_s=0.5)
     assert (part.n_expected, part.n_lost) == (13, 0)
@@ -125,8 +126,10 @@ def test_pictures_that_a_cut_took_the_others_from_are_not_lost(tmp_path, name):
 
 def test_a_broadcast_begins_anywhere(tmp_path):
     whole = make_video(tmp_path / "a.ts", [textured(i) for i in range(60)], options={"g": "20"})
-    images, record = read(remuxed(whole, tmp_path / "b.ts", lambda place, _: place > 2))
-    assert (len(images), record.n_expected) == (40, 40)
+    rest = remuxed(whole, tmp_path / "b.ts", lambda place, _: place > 2)
+    images, record = read(rest)
+    expected = expected_frames(rest, VideoConfig())
+    assert (len(images), record.n_expected, expected.n_frames) == (40, 40, 40)
 
 
 def test_times_below_zero_and_a_late_start(tmp_path):

@@ -20,7 +20,7 @@ from gmrdata.read.frames import video_record, write_gray
 from gmrdata.read.video import (
     VideoConfig,
     as_frames,
-    count_images,
+    expected_frames,
     extract_video,
     is_video,
     turned,
@@ -364,7 +364,7 @@ def test_a_trimmed_file_is_whole(tmp_path, n_b_frames):
         return True
 
     trim = remuxed(whole, tmp_path / "trimmed.mp4", earlier)
-    assert count_images(trim, VideoConfig()) == (31, (160, 120))
+    assert counted(trim, VideoConfig()) == (31, (160, 120))
     images, record = extracted(trim)
     assert (len(images), record.n_expected, record.n_lost) == (31, 31, 0)
     first, same = (cv2.imread(str(whole.with_suffix("") / f"{n:05d}.jpg")) for n in (17, 18))
@@ -431,7 +431,7 @@ def test_what_is_no_video_is_named_with_what_to_do(tmp_path):
     }
     for name, (content, said) in contents.items():
         (tmp_path / name).write_bytes(content)
-        for read in (extracted, partial(count_images, config=VideoConfig())):
+        for read in (extracted, partial(counted, config=VideoConfig())):
             with pytest.raises(BadFrames, match=re.escape(f"{name}: {said}")):
                 read(tmp_path / name)
 
@@ -439,10 +439,16 @@ def test_what_is_no_video_is_named_with_what_to_do(tmp_path):
 def test_a_recording_that_says_no_length_is_counted(tmp_path):
     """As browsers write them."""
     video = make_video(tmp_path / "a.webm", codec="libvpx", muxer={"live": "1"})
-    assert count_images(video, VideoConfig()) == (8, (64, 48))
+    assert counted(video, VideoConfig()) == (8, (64, 48))
     part = VideoConfig(to_s=0.16, every=2)
-    assert count_images(video, part)[0] == len(_images(video, part)) == 3
+    assert counted(video, part)[0] == len(_images(video, part)) == 3
     assert extracted(video)[1].rate_hz == 25
+
+
+def counted(video: Path, config: VideoConfig) -> tuple[int, tuple[int, int]]:
+    """How many images are expected, and their (width, height)."""
+    frames = expected_frames(video, config)
+    return len(frames.numbers), frames.size_px
 
 
 def _images(video: Path, part: VideoConfig) -> list[Path]:
@@ -458,11 +464,15 @@ def test_a_variable_rate_is_counted_by_its_frames(suffix, tmp_path):
     ticks = [*range(25), *range(25, 75, 5)]
     images = [picture(row) for row in range(len(ticks))]
     video = make_video(tmp_path / f"a{suffix}", images, ticks=ticks, options={"bf": "0"})
-    assert count_images(video, VideoConfig())[0] == 35
-    for part in (VideoConfig(from_s=0.8), VideoConfig(to_s=1.2), VideoConfig(from_s=0.4, every=3)):
-        assert count_images(video, part)[0] == len(_images(video, part))
+    later = VideoConfig(from_s=0.4, every=3)
+    for part in (VideoConfig(), VideoConfig(from_s=0.8), VideoConfig(to_s=1.2), later):
+        expected, out = expected_frames(video, part), Path(tempfile.mkdtemp(dir=tmp_path)) / "part"
+        taken = as_frames(video, out, part)
+        assert expected.frame_numbers.tolist() == taken.frame_numbers.tolist()
+        assert expected.numbers.tolist() == taken.numbers.tolist()
+        assert (expected.n_frames, expected.rate_hz) == (taken.n_frames, taken.rate_hz)
     said = r"0 frames could be read, but a motion needs at least 2; the video has 35, up to 2\.8 s"
-    for read in (_images, count_images):
+    for read in (_images, expected_frames):
         with pytest.raises(BadFrames, match=said):
             read(video, VideoConfig(from_s=2.9))
 
@@ -472,7 +482,7 @@ def test_images_are_planned_as_they_will_stand(tmp_path):
     turned_mp4 = make_video(tmp_path / "turned.mp4", [image] * 3, rotation_deg=90)
     wide = make_video(tmp_path / "wide.mkv", [image] * 3, pixel_aspect=Fraction(4, 3))
     for video, size_px in ((turned_mp4, (48, 64)), (wide, (85, 48))):
-        assert count_images(video, VideoConfig()) == (3, size_px)
+        assert counted(video, VideoConfig()) == (3, size_px)
         assert extracted(video)[1].size_px == size_px
 
 

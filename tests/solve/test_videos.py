@@ -2,6 +2,7 @@
 
 import shutil
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +34,7 @@ from gmrdata.values.files import STAGE_FILE, read_json, write_json
 from gmrdata.values.records import Config
 from tests.film.set_kills import contents
 from tests.frame_sets import grey_images
+from tests.read import system_files
 from tests.read.videos import make_video
 
 
@@ -146,11 +148,18 @@ def test_a_lens_that_none_can_be_is_refused_before_anything_is_made(
 
 def test_a_dry_run_refuses_the_body_and_the_gravity_that_a_run_does(tmp_path):
     frames, asked = grey_images(tmp_path / "frames"), ALONE | {"poses": tmp_path / "wham.pkl"}
+    system_files.write_joblib(tmp_path / "wham.pkl", system_files.some_wham({0: 3}))
     with pytest.raises(MissingInput, match=r"gone\.pkl: no such body file"):
         plan_videos(frames, **asked, body="gone.pkl")
-    (gravity := tmp_path / "gravity.csv").write_text("frame,x,y\n0,0,1\n")
-    with pytest.raises(BadIntrinsics, match=r"gravity\.csv: no gravity can be read"):
-        plan_videos(frames, **asked, gravity=gravity)
+    gravity = tmp_path / "gravity.csv"
+    for said, text in (
+        ("no gravity can be read", "frame,x,y\n0,0,1\n"),
+        ("has gravity up to frame 9, and there are 3", "frame,x,y,z\n0,0,1,0\n1,0,1,0\n9,0,1,0\n"),
+    ):
+        gravity.write_text(text)
+        for find in (plan_videos, partial(solve_video, out_dir=tmp_path / "out")):
+            with pytest.raises(BadIntrinsics, match=rf"gravity\.csv: {said}"):
+                find(frames, **asked, gravity=gravity)
 
 
 FILES = ("notes.txt", "tum/camera.txt", "bvh/person_0/person_0_00000-00003.bvh", "glb/person_0.glb")
