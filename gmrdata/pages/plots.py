@@ -13,6 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
+from matplotlib.font_manager import fontManager
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.text import Annotation, Text
 from matplotlib.ticker import MultipleLocator
@@ -39,11 +40,13 @@ COLOURS = {
 """Role -> colour on white.  In the page each one becomes the CSS variable of that name, so that
 plots follow the reader's light or dark scheme; no two roles may share a colour."""
 
+EAST_ASIAN = {"Noto Sans CJK JP", "WenQuanYi Micro Hei", "Droid Sans Fallback", "Arial Unicode MS"}
+"""Fonts of systems for Chinese, Japanese and Korean, of which DejaVu Sans has boxes alone."""
+
 _RC: Any = {
     "svg.fonttype": "none",
     "text.parse_math": False,  # names of clips and runs may have a $
     "font.size": 9.5,
-    "font.family": "sans-serif",
     "font.sans-serif": ["DejaVu Sans"],
     "axes.titlesize": 10,
     "axes.titlelocation": "left",
@@ -107,7 +110,8 @@ def _style(more: Any) -> Iterator[None]:
     with mpl.rc_context():
         mpl.rcdefaults()
         mpl.rcParams.update(_RC)
-        mpl.rcParams.update(more)
+        at_hand = EAST_ASIAN.intersection(fontManager.get_font_names())
+        mpl.rcParams.update({"font.family": ["sans-serif", *sorted(at_hand)]} | more)
         yield
 
 

@@ -8,7 +8,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from fontTools.ttLib import TTFont
 from matplotlib.figure import Figure
+from matplotlib.font_manager import findfont, fontManager
 from matplotlib.text import Text
 from scipy.spatial.transform import Rotation
 
@@ -18,6 +20,7 @@ from gmrdata.pages.plots import (
     COLOURS,
     aligned_paths,
     drawn,
+    picture,
     plot_predicted_view,
     plot_top_view,
     svg,
@@ -205,16 +208,33 @@ def test_plots_follow_the_readers_colour_scheme(report):
     def draw(figure: Figure) -> None:
         plot_top_view(figure.subplots(), report.clips[0])
 
-    picture = svg(draw, 4.0, 4.0, "paths")
-    assert picture == svg(draw, 4.0, 4.0, "paths")
-    assert "var(--person)" in picture and "var(--camera-pale)" in picture
-    assert not any(colour in picture for colour in COLOURS.values())
+    plot = svg(draw, 4.0, 4.0, "paths")
+    assert plot == svg(draw, 4.0, 4.0, "paths")
+    assert "var(--person)" in plot and "var(--camera-pale)" in plot
+    assert not any(colour in plot for colour in COLOURS.values())
     style = Path(__file__).parents[2] / "gmrdata" / "pages" / "templates" / "style.css"
     defined = style.read_text()
     # Once for light, which print takes too, and once for dark screens alone.
     light, dark, *_ = defined.split("@media")
     assert dark.startswith(" screen and (prefers-color-scheme: dark)")
     assert all(f"--{role}:" in light and f"--{role}:" in dark for role in COLOURS)
+
+
+def test_names_in_chinese_take_a_font_of_the_system_that_has_them(tmp_path, monkeypatch):
+    """Pictures had boxes in their place."""
+    monkeypatch.setattr(fontManager, "ttflist", fontManager.ttflist.copy())
+    font = TTFont(findfont("DejaVu Sans"))
+    for table in font["cmap"].tables:
+        table.cmap = {ord("人"): "A"}
+    for record in font["name"].names:
+        record.string = "Noto Sans CJK JP"
+    font.save(tmp_path / "noto.ttf")
+    fontManager.addfont(tmp_path / "noto.ttf")
+    assert picture_of("人") == picture_of("A") != picture_of("B")
+
+
+def picture_of(title: str) -> bytes:
+    return picture(lambda figure: figure.suptitle(title), 1.0, 1.0)
 
 
 def test_ids_of_a_drawing_hang_on_its_name_alone_and_its_texts_stay_whole():
