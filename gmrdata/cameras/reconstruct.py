@@ -45,6 +45,7 @@ from gmrdata.cameras.match.tracks import (
     tracks_of,
 )
 from gmrdata.cameras.recipe import SfmConfig
+from gmrdata.read.video import changes_between, say_repeats
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import StageRecord, run_stage
 from gmrdata.values.camera import CameraPath, Lens
@@ -100,6 +101,9 @@ def reconstruct(
         recipe = _TwoTermRecipe(**dict(recipe), radial_k2=k2)
 
     def work(partial: Path) -> dict[str, str]:
+        if frames.video is None:  # else it was said where they were taken
+            changes = changes_between(frames.paths)
+            say_repeats(frames.folder, changes, frames.numbers.tolist())
         given = Frames(list(frames.paths), masks_dir, lens.matrix_px, lens.size_px)
         try:
             _leave_cameras(partial, given, lens, config, frames.numbers_in_time)

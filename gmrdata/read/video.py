@@ -7,13 +7,14 @@ mirrored as the file says, without lines of two times, and as wide as its pixels
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from pydantic import Field, model_validator
 
-from gmrdata.read.frames import read_frames, write_image
+from gmrdata.read.frames import read_frames, read_gray, write_image
 from gmrdata.read.video_faults import why_no_video
 from gmrdata.read.video_rate import rated
 from gmrdata.stage.jobs import made_ahead
@@ -280,8 +281,7 @@ def _extract(path: Path, out_dir: Path, config: VideoConfig) -> VideoRecord:
         _require_whole(path, n_expected, reading, config)
         _require_several(path, len(numbers), reading)
         rate_hz, times_s = _rated(path, stream, reading)
-        if repeats := said_of_repeats(np.array(changes), numbers):
-            remark(f"{path}: {repeats}")
+        say_repeats(path, np.array(changes), numbers)
         return VideoRecord(
             container=container.format.name,
             codec=stream.codec_context.name,
@@ -300,7 +300,18 @@ def _extract(path: Path, out_dir: Path, config: VideoConfig) -> VideoRecord:
         )
 
 
-def said_of_repeats(changes: np.ndarray, numbers: Sequence[int]) -> str | None:
+def changes_between(paths: Sequence[Path]) -> np.ndarray:
+    """(N-1,) mean change of brightness from each of N images to the next."""
+    small = made_ahead(lambda path: read_gray(path)[::8, ::8].astype(np.int16), paths)
+    return np.array([np.abs(after - before).mean() for before, after in pairwise(small)])
+
+
+def say_repeats(source: Path, changes: np.ndarray, numbers: Sequence[int]) -> None:
+    if repeats := _said_of_repeats(changes, numbers):
+        remark(f"{source}: {repeats}")
+
+
+def _said_of_repeats(changes: np.ndarray, numbers: Sequence[int]) -> str | None:
     """What to say of frames that repeat the one before, by mean changes (N-1,) between those that
     are taken, and their numbers; None where few do, or one stands still and goes on as before."""
     repeats = changes < REPEATED * np.percentile(changes, 90)
@@ -320,7 +331,8 @@ def said_of_repeats(changes: np.ndarray, numbers: Sequence[int]) -> str | None:
     even = (apart[1:-1] == every).all()
     if even and every == 1:
         return None  # it only stands still at an end
-    leaves_out = f"--every {every * (numbers[1] - numbers[0])} leaves them out"
+    each = every * (numbers[1] - numbers[0])
+    leaves_out = f"--every {each}, or a folder of each {each}th, leaves them out"
     remedy = leaves_out if even else "give the original"
     n, of = int(repeats.sum()), len(changes) + 1
     return f"{n} of {of} frames repeat the one before: it was made faster than filmed; {remedy}"

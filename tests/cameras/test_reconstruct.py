@@ -16,6 +16,7 @@ from gmrdata.cameras.match.tracks import load_tracks
 from gmrdata.cameras.recipe import CamerasVerdictConfig, SfmConfig
 from gmrdata.cameras.reconstruct import IMAGES_FACT, _why_unsolved, reconstruct
 from gmrdata.read.frames import list_images, read_frames
+from gmrdata.read.video import as_frames
 from gmrdata.stage.store import StageRecord
 from gmrdata.stage.workers import own_cores
 from gmrdata.values.camera import CameraPath, Lens
@@ -28,6 +29,7 @@ from gmrdata.values.errors import (
     StaleOutput,
 )
 from tests.filming import film_cameras, look_at, tracked_error_px, turn_errors_deg, write_pictures
+from tests.read.videos import make_video, textured
 
 SMALL = SfmConfig(max_features=600)
 FINE = SfmConfig(max_features=400, first_octave=-1)  # takes thrice as long
@@ -248,6 +250,22 @@ def test_a_zoom_on_the_way_is_refused(film, tmp_path):
     said = "differ by [0-9.]+%, more than 1.0%: the camera zooms while it moves, or"
     with pytest.raises(NoReconstruction, match=said):
         reconstruct(read_frames(tmp_path / "zoomed"), None, filmed.lens, tmp_path / "out", SMALL)
+
+
+@pytest.mark.parametrize(("of_video", "n_said"), [(False, 1), (True, 0)])
+def test_a_folder_of_a_recording_that_hung_is_said(of_video, n_said, tmp_path, capsys):
+    """Of a video it is said where its frames are taken."""
+    shown = [textured(n if n < 10 or n > 25 else 10) for n in range(40)]
+    write_pictures(tmp_path / "frames", shown)
+    frames = read_frames(tmp_path / "frames")
+    if of_video:
+        frames = as_frames(make_video(tmp_path / "a.mp4", shown), tmp_path / "taken")
+        capsys.readouterr()
+    lens, few = Lens.centred(150.0, frames.size_px), SfmConfig(min_frames_registered=99)
+    with pytest.raises(NoReconstruction, match="40 frames, but a camera path needs 99"):
+        reconstruct(frames, None, lens, tmp_path / "out", few)
+    said = " ".join(capsys.readouterr().err.split())
+    assert said.count("frames 10 to 25 show one picture, and the next is far on") == n_said
 
 
 def test_a_cut_is_named_by_its_images_number(tmp_path):

@@ -242,7 +242,8 @@ def test_a_part_is_asked_for_by_times_of_the_record(name, tmp_path):
         (
             lambda n: n // 4,
             1,
-            "30 of 40 frames repeat the one before: it was made faster than filmed; --every 4",
+            "30 of 40 frames repeat the one before: it was made faster than filmed; --every 4, or a"
+            " folder of each 4th, leaves them out",
         ),
         (lambda n: n // 4, 2, "10 of 20 frames repeat the one before: .*; --every 4"),
         (lambda n: n - n // 5, 1, "7 of 40 frames repeat the one before"),
