@@ -309,19 +309,21 @@ def _as_mapped(keyed: _Keyed, mapped: Solution, matches: Matches) -> Solution:
     rows, both = keyed.mapped_rows, (keyed.mapped_matches, matches)
     of_keys, straight = (of.without(mapped.lens, intrinsics_px) for of in both)
     spread, most = zoom_spread(mapped, of_keys, intrinsics_px), config.mapping.most_zoom_spread
-    if spread > most:
+    step = weakest_step(mapped, of_keys, rows, intrinsics_px, config.max_reprojection_px)
+    others = np.setdiff1d(keyed.rows, rows)
+    mapped = replace(mapped, weakest_step=step)
+    placed = place_between(mapped, rows, others, straight, intrinsics_px)
+    refined = refine_mapped(placed, straight, intrinsics_px, keyed.timeline, config)
+    solution = _with_tracks(refined, matches, keyed.frames)
+    # Two places whose lenses differ look like a zoom; they are parted and solved once more.
+    if spread > most and _dissolve_after(solution, keyed) is None:
         what = "single pictures ask for focal lengths that differ by {}, more than {}"
         raise NoReconstruction(
             f"{compared(what, spread, most, '.1%')}: the camera zooms while it moves, "
             "or the path is wrong; film without zooming",
             keyed.frames.images[0].parent,
         )
-    step = weakest_step(mapped, of_keys, rows, intrinsics_px, config.max_reprojection_px)
-    others = np.setdiff1d(keyed.rows, rows)
-    mapped = replace(mapped, weakest_step=step)
-    placed = place_between(mapped, rows, others, straight, intrinsics_px)
-    solution = refine_mapped(placed, straight, intrinsics_px, keyed.timeline, config)
-    return _with_tracks(solution, matches, keyed.frames)
+    return solution
 
 
 def _why_unsolved(n_keyframes: int, evidence: Evidence, config: SfmConfig) -> str:

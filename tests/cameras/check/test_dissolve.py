@@ -5,12 +5,14 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+import pytest
 
 from gmrdata.cameras.files import CamerasQuality, load_cameras, load_quality
-from gmrdata.cameras.recipe import SfmConfig
+from gmrdata.cameras.recipe import MappingConfig, SfmConfig
 from gmrdata.cameras.reconstruct import reconstruct
 from gmrdata.read.frames import read_frames
 from gmrdata.values.camera import Lens
+from gmrdata.values.errors import NoReconstruction
 from tests.cameras.match.test_keyframes import SIZE_PX, shifted, texture
 from tests.filming import write_pictures
 
@@ -61,3 +63,8 @@ def test_of_two_cameras_that_travel_one_is_taken(film, tmp_path):
     quality, cameras = load_quality(out_dir), load_cameras(out_dir)
     assert quality.geometry == "full"
     require_one_place(quality, cameras.path.has_camera, 12, 16)
+    # Where their lenses differ too, that was taken for a zoom, and nobody heard of the dissolve.
+    strict = config.model_copy(update={"mapping": MappingConfig(most_zoom_spread=0.0)})
+    said = "film without zooming; the picture changes to another place 1 times, first after frame 1"
+    with pytest.raises(NoReconstruction, match=said):
+        solved(pictures, filmed.lens, tmp_path / "strict", strict)
