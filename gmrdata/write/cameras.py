@@ -89,8 +89,8 @@ def write_colmap(
         model.extract_colors_for_all_images(str(images_dir))
     model.update_point_3d_errors()
     writers = {BINARY_FOLDER: model.write_binary, TEXT_FOLDER: model.write_text}
-    if any(any(map(str.isspace, name)) for name in names.values()):
-        remark(f"{folder.name}: no {TEXT_FOLDER}, in which an image's name ends at the first space")
+    if spaced := next((one for one in names.values() if any(map(str.isspace, one))), None):
+        remark(f"{spaced}: no {TEXT_FOLDER}, in which an image's name ends at the first space")
         del writers[TEXT_FOLDER]
     for name, write in writers.items():
         (folder / name).mkdir(parents=True)

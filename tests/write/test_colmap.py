@@ -45,13 +45,15 @@ def models(folder: Path) -> list[Any]:
     return [pycolmap.Reconstruction(str(folder / name)) for name in (BINARY_FOLDER, TEXT_FOLDER)]
 
 
-def test_names_with_spaces_are_in_the_binary_model_alone(camera, tmp_path):
+def test_names_with_spaces_are_in_the_binary_model_alone(camera, tmp_path, capsys):
     """In the text a name ends at its first space, so that all images had one name."""
     names = [name and f"walk ({row}).jpg" for row, name in enumerate(NAMES)]
     write_colmap(tmp_path / "model", camera, names, some_points(camera))
     assert [path.name for path in (tmp_path / "model").iterdir()] == ["sparse"]
     model = pycolmap.Reconstruction(str(tmp_path / "model" / BINARY_FOLDER))
     assert {image.name for image in model.images.values()} < set(names)
+    said = " ".join(capsys.readouterr().err.split())
+    assert said.startswith(next(name for name in names if " " in name) + ": no text, in which an")
 
 
 def test_pycolmap_reads_cameras_points_and_tracks(camera, tmp_path):
