@@ -35,11 +35,12 @@ def masks(
         camera_body: Clip file (.npz) in the camera's frame, for the silhouette.
     """
     from gmrdata.pages.frames import make_mask_sheet
-    from gmrdata.people.sources import SilhouetteSource, masks_named
+    from gmrdata.people.sources import SilhouetteSource, masks_named, network_files
     from gmrdata.solve.solve import make_masks
 
     flags.need(masks, "a source of masks: --masks onnx")
     config = masks_named(masks, **vars(networks))
+    network_files(config)  # what lacks is said before frames are taken
     drawn = any(isinstance(one, SilhouetteSource) for one in config.sources)
     if camera_body is not None and not drawn:
         raise BadRecipe("--camera-body is for silhouette, which is not named")
@@ -78,12 +79,13 @@ def sfm(
     """
     from gmrdata.cameras.files import load_quality
     from gmrdata.cameras.recipe import SfmConfig
-    from gmrdata.people.sources import masks_named
+    from gmrdata.people.sources import masks_named, network_files
     from gmrdata.solve.request import SequenceConfig
     from gmrdata.solve.solve import solve_sequence
 
     flags.need(masks, "a source of masks: --masks silhouette")
     named = masks_named(masks, **vars(networks))
+    network_files(named)
     with flags.flags_named():
         config = SequenceConfig(masks=named, sfm=SfmConfig(seed=seed))
     people = flags.one_person(camera_body, body)

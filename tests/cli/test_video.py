@@ -252,6 +252,18 @@ def test_the_network_that_is_used_is_asked_for(
 
 
 @pytest.mark.parametrize("dry_run", [(), ("--dry-run",)])
+@pytest.mark.parametrize("verb", [("masks",), ("sfm", "--camera-body", __file__)])
+def test_masks_without_their_network_are_refused_before_frames_are_taken(
+    verb, dry_run, tmp_path, monkeypatch, gmrdata
+):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    source, out = make_video(tmp_path / "walk.mp4"), tmp_path / "out"
+    answer = gmrdata(*verb, source, "--out", out, "--masks", "onnx", *dry_run)
+    fails_cleanly(answer, "yolox_nano.onnx: no such model file")
+    assert not out.exists()
+
+
+@pytest.mark.parametrize("dry_run", [(), ("--dry-run",)])
 def test_a_video_with_a_rate_is_refused_before_its_frames_are_taken(dry_run, tmp_path, gmrdata):
     source, out = make_video(tmp_path / "walk.mp4"), tmp_path / "out"
     said = f"{source}: a video has its own times. Leave --fps-hz out"
