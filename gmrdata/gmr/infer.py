@@ -40,8 +40,7 @@ from gmrdata.motion.files import input_files
 from gmrdata.motion.local_poses import MIN_FRAMES, read_local_poses
 from gmrdata.motion.resample import ON_A_SAMPLE, resample
 from gmrdata.read.bodies import load_body
-from gmrdata.read.systems import slahmr
-from gmrdata.read.systems.result import result_file
+from gmrdata.read.systems.result import files_beside, result_file
 from gmrdata.stage.progress import console, track
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import Resumable, check_out, run_stage
@@ -291,7 +290,7 @@ def infer(
     config = config or InferConfig()
     config = config if draw is not None else config.model_copy(update={"video": False})
     others = {"run": weights_dir(run_dir), "joint_map": joint_map, "body": body_path}
-    poses = input_files(source) | slahmr.files_beside(source)
+    poses = input_files(source) | files_beside(source)
     inputs = {f"poses_{role}": path for role, path in poses.items()}
     inputs |= {key: Path(it) for key, it in others.items() if it is not None}
     if check_out("infer", out_dir, config, inputs, run):

@@ -335,6 +335,10 @@ def test_what_a_result_is_read_with_makes_its_motion_stale(
     info.write_text(info.read_text().replace('"7"', '"8"'))
     with pytest.raises(StaleOutput, match=r"values of inputs\.poses_tracks\."):
         rate_hz()
+    # A motion that lies there is read with no track.
+    other = save_bare(poses.with_name("walk.npz"), small_body, motion)
+    made = infer(run_dir, other, tmp_path / "other", InferConfig(video=False), body_path=body_path)
+    assert read_json(made / "stage.json")["inputs"].keys() == {"body", "run", "poses_motion"}
 
 
 def test_redo_believes_no_remembered_hash(tmp_path, run_dir, body_path):
