@@ -7,8 +7,11 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from functools import partial
+from pathlib import Path
 
 from gmrdata.stage.progress import answers, console, remark
+from gmrdata.stage.run import Run
 from gmrdata.values.errors import GmrdataError, NoWorkers, StageFailed
 
 
@@ -20,6 +23,13 @@ def answer(value: object) -> None:
 def answer_json(value: object) -> None:
     """Print one JSON object to standard output, for a script."""
     answer(json.dumps(value))
+
+
+def answer_state(out: Path, make: Callable[..., object], redo: bool) -> None:
+    """Say whether a stage's folder is there, as a run with these flags would find it."""
+    from gmrdata.stage.store import state_of
+
+    answer(f"{out}: {state_of(partial(make, run=Run(anew=redo, only_look=True)))}")
 
 
 class _Stages(logging.Handler):

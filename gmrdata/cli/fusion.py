@@ -1,13 +1,14 @@
 """Verbs for cameras and a network together."""
 
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from tyro.conf import OmitArgPrefixes, Positional
 
 from gmrdata.cli import options as flags
-from gmrdata.cli.answers import answer, print_table
+from gmrdata.cli.answers import answer, answer_state, print_table
 from gmrdata.cli.gmr import Weights
 from gmrdata.stage.progress import remark
 from gmrdata.stage.run import Run
@@ -67,18 +68,15 @@ def fuse(
             loops=tuple(map(_loop, parts.loops)),
             loop_sigma_m=parts.loop_sigma_m,
         )
+    fused = partial(
+        fuse_people, source, out, network=network, body_path=flags.body_path(body), config=config,
+        errors_path=errors,
+    )  # fmt: skip
     if dry_run:
         print_table(HEADINGS, plan(source, network=network, config=config, errors_path=errors))
+        answer_state(out, fused, redo)
         return
-    made = fuse_people(
-        source,
-        out,
-        network=network,
-        body_path=flags.body_path(body),
-        config=config,
-        errors_path=errors,
-        run=Run(redo=redo),
-    )
+    made = fused(run=Run(redo=redo))
     _say_results(made, parts.loop_sigma_m)
     answer(write_fusion_page(made))
     answer(made)

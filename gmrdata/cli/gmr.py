@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from tyro.conf import OmitArgPrefixes, Positional, arg
 
 from gmrdata.cli import options as flags
-from gmrdata.cli.answers import answer, answer_json, print_table
+from gmrdata.cli.answers import answer, answer_json, answer_state, print_table
 from gmrdata.gmr.config import BUNDLED, Which
 from gmrdata.score import Deviation, ProtocolName, SeenAs
 from gmrdata.stage.recipes import read_recipe
@@ -47,7 +47,6 @@ def train(
     """
     from gmrdata.gmr.train import GmrRecipe
     from gmrdata.gmr.train import train as train_gmr
-    from gmrdata.stage.store import state_of
 
     flags.need(manifests, "a manifest file")
     given = read_recipe(recipe, GmrRecipe)
@@ -59,7 +58,7 @@ def train(
     trained = partial(train_gmr, manifests, out, config, body_path=path, held_out_paths=held_out)
     if dry_run:
         _show_training(manifests, held_out, config)
-        answer(f"{out}: {state_of(partial(trained, run=Run(anew=redo, only_look=True)))}")
+        answer_state(out, trained, redo)
     else:
         answer(trained(run=Run(redo=redo)))
 
@@ -162,14 +161,16 @@ def evaluate(
             original=protocols.original, person=people, camera=results.camera,
             first_image=results.first_image, fps_hz=results.fps_hz, missing=results.missing,
         )  # fmt: skip
+    scored = partial(
+        stage.score, predictor, manifest, out, config, body_path=flags.body_path(body),
+        predictions_body_path=results.predictions_body, floor_path=floor,
+        joint_regressor_path=protocols.joint_regressor,
+    )  # fmt: skip
     if dry_run:
         print_table(stage.PLAN_HEADINGS, stage.plan_scores(predictor, manifest, config))
+        answer_state(out, scored, redo)
         return
-    made = stage.score(
-        predictor, manifest, out, config, body_path=flags.body_path(body),
-        predictions_body_path=results.predictions_body, floor_path=floor,
-        joint_regressor_path=protocols.joint_regressor, run=Run(redo=redo),
-    )  # fmt: skip
+    made = scored(run=Run(redo=redo))
     answer_json(_scored(made)) if as_json else _show_scored(made)
 
 
@@ -266,17 +267,17 @@ def infer(
         config = stage.InferConfig(
             fps_hz=fps_hz, bridge_frames=bridge_frames, which=which, level=level, video=video
         )
-    body_path = flags.body_path(body)
-    if dry_run:
-        planned = stage.plan_infer(
-            network, source, config, body_path=body_path, joint_map=joint_map
-        )
-        print_table(stage.PLAN_HEADINGS, planned)
-        return
-    made = stage.infer(
-        network, source, out, config,
-        body_path=body_path, joint_map=joint_map, draw=draw_motion, run=Run(redo=redo),
+    path = flags.body_path(body)
+    inferred = partial(
+        stage.infer, network, source, out, config,
+        body_path=path, joint_map=joint_map, draw=draw_motion,
     )  # fmt: skip
+    if dry_run:
+        planned = stage.plan_infer(network, source, config, body_path=path, joint_map=joint_map)
+        print_table(stage.PLAN_HEADINGS, planned)
+        answer_state(out, inferred, redo)
+        return
+    made = inferred(run=Run(redo=redo))
     _show_inferred(stage.InferRecord.read(made / stage.RECORD_FILE))
     answer(made)
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -40,7 +41,7 @@ from gmrdata.score.table import csv_rows, scores_markdown, write_table_files
 from gmrdata.stage import recipes
 from gmrdata.stage.progress import track
 from gmrdata.stage.run import DEFAULT_RUN, Run
-from gmrdata.stage.store import StageRecord, run_stage
+from gmrdata.stage.store import NotMade, StageRecord, run_stage, state_of
 from gmrdata.values.body import BodyModel, body_of, names_of
 from gmrdata.values.clip import Clip
 from gmrdata.values.errors import BadBodyFile, BadManifest, BadMotionFile, BadRecipe, StaleOutput
@@ -96,10 +97,13 @@ def score(
     config, out_dir = config or ScoreConfig(), Path(out_dir)
     sources = _sources(predictor, given, config)
     folders = _folders(out_dir, sources)
-    scores = [
-        _write_scores(folder, one, given, config, run)
+    made = [
+        partial(_write_scores, folder, one, given, config, run)
         for folder, one in zip(folders, sources, strict=True)
     ]
+    if run.only_look and "to make" in [*map(state_of, made)]:  # each folder is looked at
+        raise NotMade(out_dir)
+    scores = [one() for one in made]
     if len(sources) == 1:
         return Scored(tuple(scores), None)
     compared = CompareConfig(names=tuple(one.name for one in sources), seed=config.seed)

@@ -61,6 +61,7 @@ from gmrdata.world.judge import PseudoGtQuality
 from gmrdata.world.level import LevelEstimate
 from gmrdata.world.picture_fit import PictureFit
 from gmrdata.world.recipe import Doubts
+from tests.fixtures.command_line import fails_cleanly
 from tests.fusion.test_camera_evidence import clip_of
 from tests.fusion.test_network_evidence import record
 from tests.reconstructions import pseudo_gt_quality, quality_of_path
@@ -532,11 +533,18 @@ def test_a_loop_whose_ends_stay_apart_is_said(video):
     assert said.startswith(f"walk: at 0.00 s and 2.50 s it is {apart_m:.2f} m apart, over 3 times")
 
 
-def test_what_a_dry_run_says(video):
+def test_what_a_dry_run_says(video, tmp_path, works, gmrdata):
     config = FuseConfig(loops=(Loop(time_s=0.0, other_time_s=2.0),))
     rows = plan(video.pseudo_gt, config=config, **video.network)
     assert rows == [("walk", "90", "30", "60", "1.00", "1")]
     assert len(rows[0]) == len(HEADINGS)
+    asked = ["fuse", video.pseudo_gt, "--out", tmp_path / "new", "--body", video.body_path]
+    asked += ["--network", video.network["network"], "--errors", video.network["errors_path"]]
+    assert works(*asked, "--dry-run").stdout.splitlines()[-1] == f"{tmp_path / 'new'}: to make"
+    (tmp_path / "new").mkdir()
+    (tmp_path / "new" / "notes.txt").touch()
+    for do in ((), ("--dry-run",)):  # which said nothing of the folder
+        fails_cleanly(gmrdata(*asked, *do), "new: is there, and no gmrdata stage made it. Pass")
 
 
 def test_a_dry_run_refuses_a_rate_that_a_run_does(video, clip):

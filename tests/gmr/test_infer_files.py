@@ -353,7 +353,7 @@ def test_redo_believes_no_remembered_hash(tmp_path, run_dir, body_path):
         assert load_clip(out / "person_0" / "clip.npz").motion.n_frames == n_frames
 
 
-def test_the_verb_writes_a_video_and_a_table(tmp_path, run_dir, body_path, works):
+def test_the_verb_writes_a_video_and_a_table(tmp_path, run_dir, body_path, works, gmrdata):
     source = write_joblib(tmp_path / "v.pkl", {0: vibe_person(6)})
     out = tmp_path / "out"
     flags = ("--out", out, "--body", body_path, "--fps-hz", "30")
@@ -362,6 +362,14 @@ def test_the_verb_writes_a_video_and_a_table(tmp_path, run_dir, body_path, works
     with av.open(str(out / "person_0" / "body.mp4")) as container:
         frames = [frame.to_ndarray(format="rgb24") for frame in container.decode(video=0)]
     assert len(frames) == 6 and frames[0].shape == (480, 640, 3)
+    look = ("infer", source, "--network", run_dir, *flags, "--dry-run")
+    assert works(*look).stdout.splitlines()[-1] == f"{out}: made"
+    # It said "to predict" of any folder.
+    stale = f"{out}: made with other values of config.level. Pass --redo"
+    fails_cleanly(gmrdata(*look, "--level", "first_pose"), stale)
+    anew = works(*look, "--level", "first_pose", "--redo").stdout
+    assert anew.splitlines()[-1] == f"{out}: to make"
+    assert works(*look).stdout.splitlines()[-1] == f"{out}: made"
 
 
 def test_the_verb_says_what_is_wrong(tmp_path, run_dir, body_path, gmrdata):

@@ -203,7 +203,9 @@ def test_an_injected_error_is_measured_exactly(tmp_path, data, body, true):
     assert clip.predicted.ome_deg < 1e-4
 
 
-def test_three_systems_of_one_sequence_are_compared_by_one_command(tmp_path, data, body, true):
+def test_three_systems_of_one_sequence_are_compared_by_one_command(
+    tmp_path, data, body, true, capsys
+):
     folder = tmp_path / "results"
     wham(folder, body, true)
     drift_m = 0.012 * np.arange(N)[:, None] * [0, 1, 0]
@@ -213,7 +215,19 @@ def test_three_systems_of_one_sequence_are_compared_by_one_command(tmp_path, dat
     out = tmp_path / "out"
     given = ("--body", str(data / "body.npz"), "--fps-hz", "30", "--out", str(out))
     asked = ["evaluate", str(folder), str(data / "manifest.yaml"), *given]
-    main([*asked, "--person", f"wham/{true.id}=3"])
+    asked += ["--person", f"wham/{true.id}=3"]
+    main([*asked, "--dry-run"])
+    assert capsys.readouterr().out.splitlines()[-1] == f"{out}: to make"
+    assert not out.exists()
+    main(asked)
+    capsys.readouterr()
+    main([*asked, "--dry-run"])
+    assert capsys.readouterr().out.splitlines()[-1] == f"{out}: made"
+    shutil.rmtree(out / "gvhmr")  # the others are looked at, too
+    with pytest.raises(SystemExit):
+        main([*asked, "--missing", "drop", "--dry-run"])
+    assert f"{out / 'vibe'}: made with other values of config.missing" in capsys.readouterr().err
+    main(asked)
     found = Comparison.read(out / "comparison" / "comparison.json")
     assert found.runs == ("gvhmr", "vibe", "wham") and found.clips == (true.id,)
     tme = {row.run: row.mean_of_clips for row in found.metrics["tme_mm"]}
