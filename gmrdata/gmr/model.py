@@ -130,7 +130,9 @@ def input_rotmats(
     poses: Float[Tensor, "*batch numbers"], representation: Representation
 ) -> Float[Tensor, "*batch 23 3 3"]:
     """Local rotations, which come first in the network's input."""
-    local = poses[..., : N_LOCAL * rotations.SIZE[representation]].unflatten(-1, (N_LOCAL, -1))
+    local = poses[..., : N_LOCAL * rotations.SIZE[representation]]
+    # Not unflattened, of which ONNX's exporter takes the example's sizes for those of all inputs.
+    local = local.reshape(*poses.shape[:-1], N_LOCAL, -1)
     return rotations.to_rotmats(local, representation)
 
 
@@ -213,17 +215,13 @@ class Gmr(MotionNetwork):
         if self.training or not self.config.symmetric:
             return [self._motions_of(poses, self._features_of(poses, lengths))]
         local_rotmats = input_rotmats(poses, self.config.input)
-        ways = [
-            network_input(way, self.config.input, self.config.extra_inputs)
-            for way in four_ways(local_rotmats, lengths)
-        ]
-        features = self._features_of(
-            torch.cat(ways), None if lengths is None else lengths.repeat(4)
-        )
+        ways = torch.cat(four_ways(local_rotmats, lengths))
+        ways = network_input(ways, self.config.input, self.config.extra_inputs)
+        features = self._features_of(ways, None if lengths is None else lengths.repeat(4))
         # Four parts of a size that ONNX need not know; one after the other, since supports take
         # most of the memory.
-        parts = zip(ways, features.unflatten(0, (4, -1)).unbind(0), strict=True)
-        return turned_back([self._motions_of(*part) for part in parts], lengths)
+        parts = (values.reshape(4, -1, *values.shape[1:]) for values in (ways, features))
+        return turned_back([self._motions_of(*part) for part in zip(*parts, strict=True)], lengths)
 
     def _features_of(self, poses: Sequences, lengths: Lengths) -> Features:
         """Features of sequences, by the columns that the GRUs get."""

@@ -10,7 +10,7 @@ import io
 import warnings
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 import torch
@@ -249,9 +249,6 @@ def deltas_at_source_rate(gmr: TrainedGmr, motion: Motion) -> DoubtedMotions:
     return DoubtedMotions(Rotation.from_rotvec(turns).as_matrix(), steps_m, doubts)
 
 
-if TYPE_CHECKING:
-    import onnx
-
 OPSET = 17
 INPUT, OUTPUTS = "local_rotmats", ("delta_rotmats", "delta_m")
 ABOUT = {
@@ -276,8 +273,6 @@ class _WholeNetwork(nn.Module):
         self, local_rotmats: Float[Tensor, "batch frames 23 3 3"]
     ) -> tuple[Float[Tensor, "batch frames-1 3 3"], Float[Tensor, "batch frames-1 3"]]:
         poses = given_input(local_rotmats, self.model.config)
-        # The exporter would else take the example's sizes for those of all inputs.
-        poses = poses.reshape(local_rotmats.shape[0], local_rotmats.shape[1], poses.shape[2])
         delta_rotmats, delta_m = self.model(poses)
         motions = delta_rotmats[:, :-1], delta_m[:, :-1]
         if self.model.config.soles_hold:
@@ -311,7 +306,7 @@ def onnx_network(gmr: TrainedGmr) -> bytes:
             | {name: {0: "batch", 1: "motions"} for name in OUTPUTS},
         )
     model = onnx.load_from_string(stream.getvalue())
-    _without_shapes(model.graph)
+    del model.graph.value_info[:]  # its idea of shapes in between
     for output in model.graph.output:
         for dim in output.type.tensor_type.shape.dim[2:]:
             dim.dim_value = 3
@@ -319,19 +314,6 @@ def onnx_network(gmr: TrainedGmr) -> bytes:
     onnx.helper.set_model_props(model, _metadata(gmr))
     onnx.checker.check_model(model)
     return bytes(model.SerializeToString())
-
-
-def _without_shapes(graph: "onnx.GraphProto") -> None:
-    """Forget the exporter's idea of shapes in between.
-
-    It gives the branches of several If nodes the same names for different sizes, which onnxruntime
-    takes for one size.
-    """
-    del graph.value_info[:]
-    for branch in (a.g for node in graph.node for a in node.attribute if a.HasField("g")):
-        _without_shapes(branch)
-        for output in branch.output:
-            output.type.tensor_type.ClearField("shape")
 
 
 def _metadata(gmr: TrainedGmr) -> dict[str, str]:

@@ -44,10 +44,6 @@ def _unit_quaternions(rotmats: Float[Tensor, "*batch 3 3"]) -> Float[Tensor, "*b
     Of 4 x q, 4 y q, 4 z q and 4 w q (Markley 2008, eqs. 7 to 9) it takes the one of the largest
     factor by comparisons: indices of many rows of four are slow on the CPU.
     """
-    if torch.onnx.is_in_onnx_export():  # which would take the example's sizes for all inputs'
-        import roma
-
-        return roma.rotmat_to_unitquat(rotmats)
     (a, b, c), (d, e, f), (g, h, i) = (
         row.unbind(-1) for row in rotmats.transpose(-1, -2).unbind(-2)
     )

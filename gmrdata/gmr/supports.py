@@ -179,8 +179,9 @@ def with_flight(supports: Supports) -> Supports:
     masses = places_m.new_tensor((PELVIS_MASS, *MASSES))[:, None]
     masses = masses / masses.sum()
     spin = (masses * torch.linalg.cross(arms_m, later_m - arms_m)).sum(-2)
-    outer = (masses * later_m).transpose(-1, -2) @ arms_m
-    trace = outer.diagonal(dim1=-2, dim2=-1).sum(-1)[..., None, None] + LEAST_INERTIA
+    weighted_m = masses * later_m
+    outer = weighted_m.transpose(-1, -2) @ arms_m
+    trace = (weighted_m * arms_m).sum((-1, -2))[..., None, None] + LEAST_INERTIA
     turns = -solved(trace * torch.eye(3).to(places_m) - outer, spin)[..., None, :]
     # A first-order turn, which has no meaning where a pose becomes another one at once.
     turns = turns * (MOST_TURN_RAD / turns.norm(dim=-1, keepdim=True).clamp(min=MOST_TURN_RAD))
@@ -199,9 +200,7 @@ def centre_of_mass_m(places_m: Float[Tensor, "*batch 23 3"]) -> Float[Tensor, "*
 
 def solved(matrix: Tensor, vector: Tensor) -> Tensor:
     """x of M x = v, by Cramer's rule, which ONNX has: (..., 3, 3), (..., 3) -> (..., 3)."""
-    x, y, z = matrix.unbind(-1)
-    crossed = torch.stack(
-        [torch.linalg.cross(y, z), torch.linalg.cross(z, x), torch.linalg.cross(x, y)], dim=-2
-    )
-    determinant = (x * crossed[..., 0, :]).sum(-1, keepdim=True)
+    columns = matrix.transpose(-1, -2)
+    crossed = torch.linalg.cross(columns[..., [1, 2, 0], :], columns[..., [2, 0, 1], :])
+    determinant = (columns[..., 0, :] * crossed[..., 0, :]).sum(-1, keepdim=True)
     return (crossed @ vector[..., None])[..., 0] / determinant

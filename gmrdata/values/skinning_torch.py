@@ -72,13 +72,15 @@ def forward_kinematics(
     rest_joints_m = rest_joints_m.expand(*batch, N_JOINTS, 3)
     local_rotmats = local_rotmats.expand(*batch, N_LOCAL, 3, 3)
     rotations = [torch.eye(3).to(local_rotmats).expand(*batch, 3, 3)]
+    for parent, local in zip(PARENTS[1:], local_rotmats.unbind(-3), strict=True):
+        rotations.append(rotations[parent] @ local)
+    root_from_joint = torch.stack(rotations, dim=-3)
+    bones_m = rest_joints_m[..., 1:, :] - rest_joints_m[..., PARENTS[1:], :]
+    bones_m = _rotate(root_from_joint[..., PARENTS[1:], :, :], bones_m)
     places_m = [torch.zeros_like(rest_joints_m[..., 0, :])]
-    for joint in range(1, N_JOINTS):
-        parent = PARENTS[joint]
-        bone_m = rest_joints_m[..., joint, :] - rest_joints_m[..., parent, :]
-        places_m.append(places_m[parent] + _rotate(rotations[parent], bone_m))
-        rotations.append(rotations[parent] @ local_rotmats[..., joint - 1, :, :])
-    return torch.stack(places_m, dim=-2), torch.stack(rotations, dim=-3)
+    for parent, bone_m in zip(PARENTS[1:], bones_m.unbind(-2), strict=True):
+        places_m.append(places_m[parent] + bone_m)
+    return torch.stack(places_m, dim=-2), root_from_joint
 
 
 def _rest_joints(tensors: Tensors, shape: Tensor) -> Tensor:
