@@ -33,7 +33,7 @@ from gmrdata.stage.progress import track
 from gmrdata.stage.store import StageRecord
 from gmrdata.values import limits
 from gmrdata.values.clip import Clip
-from gmrdata.values.errors import BadManifest, BadMotionFile, BadRecipe, BadRecord
+from gmrdata.values.errors import BadManifest, BadMotionFile, BadRecipe, BadRecord, MissingInput
 from gmrdata.values.files import STAGE_FILE
 from gmrdata.values.motion import Motion, deltas
 from gmrdata.values.records import Config
@@ -141,6 +141,9 @@ def held_out_motions(
 
 def _data_of(run_dir: Path) -> DataConfig:
     """That of a training's recipe, whose other settings may be of a former version."""
+    if not (run_dir / STAGE_FILE).is_file():
+        what = f"no {STAGE_FILE}, which would say whom it was not trained on"
+        raise MissingInput(f"{run_dir}: {what}. Name such people with --people")
     try:
         return DataConfig.model_validate(StageRecord.of(run_dir).config.get("data"))
     except ValidationError:

@@ -334,7 +334,7 @@ def plan_infer(
         joint_map=None if joint_map is None else Path(joint_map),
         bridge_frames=config.bridge_frames,
     )
-    reasons = [too_short(run.motion, gmr.fps_hz) for run in runs]
+    reasons = [too_short(run.motion, gmr.fps_hz, f"{run.id} of {poses_path}") for run in runs]
     if all(reasons):
         raise _all_too_short(Path(poses_path), runs[0].id, reasons[0])
     for run, reason in zip(runs, reasons, strict=True):
@@ -382,7 +382,7 @@ def _predict(
     for run in track(runs, "predicting", total=len(runs)):
         taken = {RECORD_FILE, STAGE_FILE, RECIPE_FILE, *worlds, *left_out}
         name = _folder_name(run.id, taken)
-        if reason := too_short(run.motion, gmr.fps_hz):
+        if reason := too_short(run.motion, gmr.fps_hz, f"{run.id} of {source}"):
             left_out[name] = reason
             continue
         world = predict_at_source_rate(gmr, run.motion)
@@ -401,11 +401,11 @@ def _predict(
     return worlds, left_out
 
 
-def too_short(motion: Motion, fps_hz: float) -> str:
-    """Why a motion has no two frames at a rate [Hz]; empty if it has.  BadMotionFile where its own
-    rate is lower."""
+def too_short(motion: Motion, fps_hz: float, name: str) -> str:
+    """Why a motion has no two frames at a rate [Hz]; empty if it has.  BadMotionFile, which calls
+    it by a name, where its own rate is lower."""
     if motion.n_frames >= MIN_FRAMES:
-        check_rate(motion.source, motion.fps_hz, fps_hz)
+        check_rate(name, motion.fps_hz, fps_hz)
         if (motion.n_frames - 1) / motion.fps_hz * fps_hz > 1 - ON_A_SAMPLE:
             return ""
     frames = "1 frame" if motion.n_frames == 1 else f"{motion.n_frames} frames"

@@ -213,7 +213,7 @@ def _moved(
     motion = seen.motion
     valid = subject.clip.valid & seen.valid & np.isfinite(motion.local_rotmats).all((1, 2, 3))
     for first, stop in valid_runs(valid):
-        if too_short(motion.take(slice(first, stop)), gmr.fps_hz):
+        if too_short(motion.take(slice(first, stop)), gmr.fps_hz, subject.clip.id):
             valid[first:stop] = False
 
     def motions_of(run: slice) -> tuple[np.ndarray, np.ndarray]:

@@ -71,7 +71,7 @@ def as_paths(given: str | Path | Iterable[str | Path]) -> list[Path]:
 def require_file(path: Path) -> None:
     """MissingInput where there is no such file."""
     if not path.is_file():
-        raise MissingInput(f"{path}: no such file")
+        raise MissingInput(f"{path}: no such file{', but a folder' if path.is_dir() else ''}")
 
 
 def sha256_of_file(path: Path) -> str:

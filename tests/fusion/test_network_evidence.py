@@ -1,6 +1,7 @@
 """How wrong a network is: measured, found again, and carried to like poses."""
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -39,7 +40,7 @@ from gmrdata.gmr.train import train
 from gmrdata.read.body_file import save_body
 from gmrdata.values.body import JOINT
 from gmrdata.values.clip import Clip
-from gmrdata.values.errors import BadManifest, BadMotionFile, BadRecipe, BadRecord
+from gmrdata.values.errors import BadManifest, BadMotionFile, BadRecipe, BadRecord, MissingInput
 from gmrdata.values.files import STAGE_FILE, read_json, write_json
 from gmrdata.values.motion import Motion, deltas
 from tests.clip_manifests import write_clips
@@ -261,6 +262,8 @@ def test_the_verb_measures_a_run_on_whom_it_held_out(
     other = train([manifest], tmp_path / "other", nobody, body_path=tmp_path / "body.npz")
     with pytest.raises(BadManifest, match="held none of these clips out"):
         held_out_motions(other, [manifest])
+    with pytest.raises(MissingInput, match=r"bundled: no stage\.json.* Name such people with"):
+        held_out_motions(Path("bundled"), [manifest])  # a folder of weights alone
     made_by = read_json(run_dir / STAGE_FILE)
     made_by["config"]["windows"]["speeds"] = [1.0]  # as runs of former versions have it
     write_json(run_dir / STAGE_FILE, made_by)

@@ -183,7 +183,7 @@ BAD: dict[str, tuple[Callable[[], dict[Any, Any]], float | None, str]] = {
         r"\(9, 66\), not \(T, 72\)",
     ),
     "NaN": (lambda: {0: _nan_person()}, 30.0, "pose of person_0 is not finite at frame 3"),
-    "slow": (lambda: {0: vibe_person(40)}, 5.0, "5 fps is lower than 10 fps"),
+    "slow": (lambda: {0: vibe_person(40)}, 5.0, r"person_0 of .*bad\.pkl: 5 fps is lower than 10"),
     "no rate": (lambda: {0: vibe_person(40)}, None, "does not say its frame rate"),
 }
 

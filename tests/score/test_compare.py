@@ -202,6 +202,8 @@ def test_what_can_not_be_compared_is_refused(tmp_path):
     for message, path in refused.items():
         with pytest.raises(BadRecord, match=message):
             compare([first, path], tmp_path / "out")
+    with pytest.raises(MissingInput, match="b: no such file, but a folder"):
+        compare([first, refused["30 fps"].parent], tmp_path / "out")
     with pytest.raises(MissingInput, match="fewer than two"):
         compare([first], tmp_path / "out")
     assert not (tmp_path / "out").exists()
