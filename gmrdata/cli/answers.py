@@ -12,6 +12,7 @@ from pathlib import Path
 
 from gmrdata.stage.progress import answers, console, remark
 from gmrdata.stage.run import Run
+from gmrdata.stage.store import state_of
 from gmrdata.values.errors import GmrdataError, NoWorkers, StageFailed
 
 
@@ -27,8 +28,6 @@ def answer_json(value: object) -> None:
 
 def answer_state(out: Path, make: Callable[..., object], redo: bool) -> None:
     """Say whether a stage's folder is there, as a run with these flags would find it."""
-    from gmrdata.stage.store import state_of
-
     answer(f"{out}: {state_of(partial(make, run=Run(anew=redo, only_look=True)))}")
 
 

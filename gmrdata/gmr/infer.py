@@ -41,7 +41,7 @@ from gmrdata.motion.local_poses import MIN_FRAMES, read_local_poses
 from gmrdata.motion.resample import ON_A_SAMPLE, resample
 from gmrdata.read.bodies import load_body
 from gmrdata.read.systems.result import files_beside, result_file
-from gmrdata.stage.progress import console, track
+from gmrdata.stage.progress import remark, track
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import NotMade, Resumable, check_out, run_stage
 from gmrdata.values import limits, transforms
@@ -175,8 +175,7 @@ def _moved_to_floor(motion: Motion, soles_m: np.ndarray, still: np.ndarray, how:
         low_m = low_soles_m(standing_m, UP)
     else:
         low_m = soles_on_floor_m(standing_m, soles_m, UP)
-    floor_m = float(np.median(low_m @ UP))
-    pelvis_m = motion.pelvis_m - floor_m * UP
+    pelvis_m = motion.pelvis_m - np.median(low_m @ UP) * UP
     return replace(motion, pelvis_m=pelvis_m, source=f"{motion.source}; {how}")
 
 
@@ -327,16 +326,14 @@ def plan_infer(
 ) -> list[tuple[str, ...]]:
     """Rows of `PLAN_HEADINGS`: the motions that `infer` would predict; errors as there."""
     gmr, rows = load_gmr(network_dir(network), config.which), list[tuple[str, ...]]()
+    source, body = Path(poses_path), load_body(body_path)
+    joint_map = None if joint_map is None else Path(joint_map)
     runs = read_local_poses(
-        Path(poses_path),
-        config.fps_hz,
-        body=load_body(body_path),
-        joint_map=None if joint_map is None else Path(joint_map),
-        bridge_frames=config.bridge_frames,
+        source, config.fps_hz, body=body, joint_map=joint_map, bridge_frames=config.bridge_frames
     )
-    reasons = [too_short(run.motion, gmr.fps_hz, f"{run.id} of {poses_path}") for run in runs]
+    reasons = [too_short(run.motion, gmr.fps_hz, f"{run.id} of {source}") for run in runs]
     if all(reasons):
-        raise _all_too_short(Path(poses_path), runs[0].id, reasons[0])
+        raise _all_too_short(source, runs[0].id, reasons[0])
     for run, reason in zip(runs, reasons, strict=True):
         first, last = int(run.image_numbers[0]), int(run.image_numbers[-1])
         frames, rate = str(run.motion.n_frames), f"{run.motion.fps_hz:g}"
@@ -392,12 +389,11 @@ def _predict(
         worlds[name] = _World(Clip(name, world, run.valid, run.image_numbers, None), level)
     if not worlds:
         raise _all_too_short(source, *next(iter(left_out.items())))
-    remarks = {name: one.level.remark for name, one in worlds.items() if one.level is not None}
-    for name, remark in remarks.items():
-        if remark is not None:
-            console.print(f"{name}: {remark}", markup=False, soft_wrap=True)
+    for name, one in worlds.items():
+        if one.level is not None and one.level.remark is not None:
+            remark(f"{name}: {one.level.remark}")
     for name, reason in left_out.items():
-        console.print(f"left out {name}: {reason}", markup=False, soft_wrap=True)
+        remark(f"left out {name}: {reason}")
     return worlds, left_out
 
 

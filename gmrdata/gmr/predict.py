@@ -272,8 +272,7 @@ class _WholeNetwork(nn.Module):
     def forward(
         self, local_rotmats: Float[Tensor, "batch frames 23 3 3"]
     ) -> tuple[Float[Tensor, "batch frames-1 3 3"], Float[Tensor, "batch frames-1 3"]]:
-        poses = given_input(local_rotmats, self.model.config)
-        delta_rotmats, delta_m = self.model(poses)
+        delta_rotmats, delta_m = self.model(given_input(local_rotmats, self.model.config))
         motions = delta_rotmats[:, :-1], delta_m[:, :-1]
         if self.model.config.soles_hold:
             motions = held_by_soles(local_rotmats, motions, self.gmr.fps_hz)

@@ -66,9 +66,10 @@ def held_out_set(
     if not config.held_out_subjects:
         raise BadRecipe("nothing to score: give --scored, or --held-out-subjects")
 
+    files = split_manifests(manifest_paths, config, to_train=to_train).held_out
+    require_own_ids(files, "held-out clips")
+
     def work(partial_dir: Path) -> None:
-        files = split_manifests(manifest_paths, config, to_train=to_train).held_out
-        require_own_ids(files, "held-out clips")
         write_manifest(
             partial_dir / "manifest.yaml",
             ManifestHead(
@@ -112,11 +113,7 @@ def make_table(
     StageFailed where a training or a score failed; the others are kept.
     """
     plan = plan_table(recipe, scale, given, seeds)
-    if not plan.scorings:
-        raise MissingInput(plan.lacking_text())
-    if given.scored is None:
-        data, trains = _data_config(plan), given.network is None
-        held_out_set(given.manifests, data, out_dir / "held_out", to_train=trains, run=run)
+    _make_scored(plan, out_dir, run)
     shared = {"given": given, "out_dir": out_dir, "run": run}
     scores_dir, failures_dir = out_dir / "scores", out_dir / "failures"
     training = [
@@ -140,6 +137,15 @@ def make_table(
     manifest = read_data_set(_scored_manifest(given, out_dir))
     classes = {one.id: one.camera_motion for one in manifest.clips}
     return comparison.write_table(out_dir, _record(plan, scores, classes))
+
+
+def _make_scored(plan: Plan, out_dir: Path, run: Run) -> None:
+    """The clips to score, where none are given; MissingInput where no row can be made."""
+    if not plan.scorings:
+        raise MissingInput(plan.lacking_text())
+    if plan.given.scored is None:
+        data, trains = _data_config(plan), plan.given.network is None
+        held_out_set(plan.given.manifests, data, out_dir / "held_out", to_train=trains, run=run)
 
 
 def _scored_manifest(given: Given, out_dir: Path) -> Path:
@@ -296,6 +302,7 @@ def planned_runs(
     rows: list[tuple[str, ...]] = []
     left_minutes: list[float | None] = []
     look, workers = Run(anew=run.redo, only_look=True), run.workers or 2
+    state_of(partial(_make_scored, plan, out_dir, look))  # or its refusal
     for id, config in plan.trainings.items():
         parameters, step_s = "-", None
         if isinstance(config, TrainConfig):

@@ -96,11 +96,8 @@ def score(
     given = _Given(Path(manifest_path), *(None if it is None else Path(it) for it in optional))
     config, out_dir = config or ScoreConfig(), Path(out_dir)
     sources = _sources(predictor, given, config)
-    folders = _folders(out_dir, sources)
-    made = [
-        partial(_write_scores, folder, one, given, config, run)
-        for folder, one in zip(folders, sources, strict=True)
-    ]
+    of_folders = zip(_folders(out_dir, sources), sources, strict=True)
+    made = [partial(_write_scores, folder, one, given, config, run) for folder, one in of_folders]
     if run.only_look and "to make" in [*map(state_of, made)]:  # each folder is looked at
         raise NotMade(out_dir)
     scores = [one() for one in made]

@@ -459,6 +459,12 @@ def test_a_dry_run_says_of_each_training_what_its_worker_would(write_walks, body
     assert states(other) == [f"{stale} another --out", "to make"]
     assert states(other, Run(redo=True)) == ["to make", "to make"]
     assert "1 of 2 trainings to make" in planned_runs(planned, out)[1][0]
+    # Nobody is there to score, or to train on: it listed the trainings, and the table ended.
+    refused = {(9,): "no clip is of 9", (1, 2): "no usable clips", (): "no row can be made"}
+    for held_out, said in refused.items():
+        wrong = plan_table(load_table(tiny(tmp_path)), "small", replace(given, held_out=held_out))
+        with pytest.raises((BadRecipe, BadManifest, MissingInput), match=said):
+            planned_runs(wrong, out)
 
 
 def test_a_table_says_how_many_clips_a_manifest_gave_where_people_are_balanced(
