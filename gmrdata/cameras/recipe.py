@@ -174,20 +174,16 @@ class SecondConfig(Config):
 class DissolveConfig(Config):
     """When the picture goes over from one place into another, and the cameras with it."""
 
-    keyframes_apart: tuple[int, ...] = (2, 3)
-    """Keyframes on either side that are compared; over more a camera goes too far by itself."""
-    none_again: float = Field(default=0.04, ge=0, le=1)
-    """Share of the points in the picture on the other side that are seen there, below which two
-    places have nothing in common but wrong matches, or a logo."""
-    usually_again: float = Field(default=0.25, ge=0, le=1)
-    """Median of that share in a clip, below which nothing is seen twice: photos far apart."""
-    least_in_picture: float = Field(default=0.25, ge=0, le=1)
-    """Share of a keyframe's points that must lie in the picture on the other side: with less the
-    cameras may have turned away."""
-    fewest_points: int = Field(default=30, ge=1)
-    """And how many."""
-    margin: float = Field(default=0.05, ge=0, lt=0.5)
-    """Of the picture's shorter side: what is at the edge may be out of it."""
+    spans: tuple[int, ...] = (3, 5, 8, 12)
+    """Keyframes from one side to the other."""
+    few_cross: float = Field(default=0.2, ge=0, le=1)
+    """Share of the tracks that go on over so many, beside the clip's median, below which two places
+    have nothing in common but wrong matches, or a logo; in clips of one place it is above 0.5."""
+    fewest_usually: int = Field(default=20, ge=1)
+    """Tracks that would go on by that median: of fewer it is chance how many do."""
+    most_moved: float = Field(default=0.5, ge=0, le=1)
+    """Way of the picture's content meanwhile, in its shorter sides, above which it may have left
+    the picture by itself."""
 
 
 class SfmConfig(Config):

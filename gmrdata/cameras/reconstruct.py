@@ -10,7 +10,7 @@ import numpy as np
 
 from gmrdata.cameras import files
 from gmrdata.cameras.check.agreement import compare_again, compare_turned_again, disagreement
-from gmrdata.cameras.check.dissolve import dissolve_after, points_of_matches, points_of_tracks
+from gmrdata.cameras.check.dissolve import dissolve_after
 from gmrdata.cameras.files import CamerasQuality, Evidence
 from gmrdata.cameras.frames import Frames, Timeline, cuts_in_words, reduced
 from gmrdata.cameras.map.covered import without_seen_again
@@ -190,34 +190,19 @@ def solve(
         matches = match_behind_masks(matches, keyframes, work_dir, config)
         matches = adjust_keypoints(matches, keyframes, work_dir)
         keys = keys.but_matched(matches)
-        while True:
-            mapped = without_seen_again(matches, config.mapping)
-            keyed = _Keyed(frames, keys.rows, mapped, matches, timeline, config)
-            solution, evidence, set_aside = _solve_keyframes(keyed, work_dir)
-            if (after := _dissolve_after(solution, keyed)) is None:
-                break
+        while (after := dissolve_after(matches, frames.size_px, config.dissolve)) is not None:
             matches = parted(matches, keyframes, after, work_dir, work_dir / "parted")
             keys, work_dir = keys.cut_after(after), work_dir / "parted"
             timeline = Timeline(in_time, np.union1d(timeline.cuts, keys.cuts))
+        mapped = without_seen_again(matches, config.mapping)
+        keyed = _Keyed(frames, keys.rows, mapped, matches, timeline, config)
+        solution, evidence, set_aside = _solve_keyframes(keyed, work_dir)
     except NoReconstruction as error:
         why = f"{error.why}{cuts_in_words(frames.numbers[keys.cuts])}"
         raise NoReconstruction(why, error.frames_dir) from None
     filled, marks = fill_short_gaps(solution.world_from_cam, timeline, config.max_gap_frames)
     quality = quality_of(solution, marks, evidence, keys, set_aside, frames.size_px)
     return replace(solution, world_from_cam=filled), quality
-
-
-def _dissolve_after(solution: Solution, keyed: "_Keyed") -> int | None:
-    """The keyframe at which the picture goes over into another place; None where it never does."""
-    intrinsics_px, cameras = keyed.frames.intrinsics_px, solution.world_from_cam[keyed.rows]
-    if solution.tracks is None:
-        seen = points_of_matches(keyed.matches, cameras, intrinsics_px)
-    else:
-        seen = points_of_tracks(solution.tracks, solution.points, keyed.rows)
-    size_px, config = keyed.frames.size_px, keyed.config.dissolve
-    after = dissolve_after(seen, cameras, intrinsics_px, size_px, config)
-    # Once parted there, frames that both places are seen in are what they are.
-    return None if after is None or keyed.rows[after] in keyed.timeline.cuts else after
 
 
 @dataclass(frozen=True, eq=False)
@@ -309,21 +294,19 @@ def _as_mapped(keyed: _Keyed, mapped: Solution, matches: Matches) -> Solution:
     rows, both = keyed.mapped_rows, (keyed.mapped_matches, matches)
     of_keys, straight = (of.without(mapped.lens, intrinsics_px) for of in both)
     spread, most = zoom_spread(mapped, of_keys, intrinsics_px), config.mapping.most_zoom_spread
-    step = weakest_step(mapped, of_keys, rows, intrinsics_px, config.max_reprojection_px)
-    others = np.setdiff1d(keyed.rows, rows)
-    mapped = replace(mapped, weakest_step=step)
-    placed = place_between(mapped, rows, others, straight, intrinsics_px)
-    refined = refine_mapped(placed, straight, intrinsics_px, keyed.timeline, config)
-    solution = _with_tracks(refined, matches, keyed.frames)
-    # Two places whose lenses differ look like a zoom; they are parted and solved once more.
-    if spread > most and _dissolve_after(solution, keyed) is None:
+    if spread > most:
         what = "single pictures ask for focal lengths that differ by {}, more than {}"
         raise NoReconstruction(
             f"{compared(what, spread, most, '.1%')}: the camera zooms while it moves, "
             "or the path is wrong; film without zooming",
             keyed.frames.images[0].parent,
         )
-    return solution
+    step = weakest_step(mapped, of_keys, rows, intrinsics_px, config.max_reprojection_px)
+    others = np.setdiff1d(keyed.rows, rows)
+    mapped = replace(mapped, weakest_step=step)
+    placed = place_between(mapped, rows, others, straight, intrinsics_px)
+    solution = refine_mapped(placed, straight, intrinsics_px, keyed.timeline, config)
+    return _with_tracks(solution, matches, keyed.frames)
 
 
 def _why_unsolved(n_keyframes: int, evidence: Evidence, config: SfmConfig) -> str:

@@ -1,13 +1,16 @@
 """Two places that a dissolve joins: all frames were accepted as one camera's, without a word."""
 
 from collections.abc import Sequence
+from itertools import pairwise
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 
+from gmrdata.cameras.check.dissolve import dissolve_after
 from gmrdata.cameras.files import CamerasQuality, load_cameras, load_quality
+from gmrdata.cameras.match.matches import Matches, PairMatches
 from gmrdata.cameras.recipe import MappingConfig, SfmConfig
 from gmrdata.cameras.reconstruct import reconstruct
 from gmrdata.read.frames import read_frames
@@ -68,3 +71,37 @@ def test_of_two_cameras_that_travel_one_is_taken(film, tmp_path):
     said = "film without zooming; the picture changes to another place 1 times, first after frame 1"
     with pytest.raises(NoReconstruction, match=said):
         solved(pictures, filmed.lens, tmp_path / "strict", strict)
+
+
+def matched(lives: Sequence[tuple[int, int]], n_keys: int, step_px: float) -> Matches:
+    """Matches of neighbours, of points that are seen from one keyframe up to another and move by so
+    much from each to the next."""
+    seen = [
+        [n for n, (first, stop) in enumerate(lives) if first <= key < stop] for key in range(n_keys)
+    ]
+    points = [
+        np.array([[step_px * key + n % 50, n / 10] for n in of]).reshape(-1, 2)
+        for key, of in enumerate(seen)
+    ]
+    both = [np.array([(a.index(n), b.index(n)) for n in a if n in b]) for a, b in pairwise(seen)]
+    pairs = [PairMatches(k, k + 1, one, "CALIBRATED") for k, one in enumerate(both) if len(one)]
+    return Matches(points, pairs)
+
+
+@pytest.mark.parametrize(
+    ("first_of_second_place", "last_of_first", "step_px", "after"),
+    [
+        pytest.param(9, 12, 2.0, 10, id="three keyframes show both places"),
+        pytest.param(12, 12, 2.0, None, id="a cut has no matches"),
+        pytest.param(9, 12, 60.0, None, id="the camera whips round"),
+        pytest.param(24, 12, 2.0, None, id="one place"),
+    ],
+)
+def test_a_dissolve_is_where_no_track_crosses(first_of_second_place, last_of_first, step_px, after):
+    early = [(first, first + 12) for first in range(-11, 24) for _ in range(6)]
+    if first_of_second_place < 24:
+        late = [(max(first, first_of_second_place), stop) for first, stop in early]
+        early = [(first, min(stop, last_of_first)) for first, stop in early] + late
+    lives = [(max(first, 0), min(stop, 24)) for first, stop in early if stop > max(first, 0) + 1]
+    found = dissolve_after(matched(lives, 24, step_px), (320, 240), SfmConfig().dissolve)
+    assert found == after
