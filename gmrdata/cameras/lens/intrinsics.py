@@ -429,10 +429,8 @@ def _taken(
     size_px: tuple[int, int],
 ) -> tuple[Lens, str]:
     """What is given; else what is firmer, the camera's own note or the frames; else a guess."""
-    if known is not None:
-        source, sigma = known[0].focal_from
-        if source != "metadata" or asked is None or asked.focal_sigma >= (sigma or 0.0):
-            return known
+    if known is not None and not _is_firmer(asked, known[0]):
+        return known
     if asked is None:
         return _guess(shown, size_px)
     lens = Lens.centred(asked.focal_px, size_px, Origin("self_calibrated", asked.focal_sigma))
@@ -456,6 +454,12 @@ def _guess(shown: _Shown, size_px: tuple[int, int]) -> tuple[Lens, str]:
     focal_px = focal * max(size_px)
     words = f"{why} {GUESSED.format(focal_px=focal_px, sigma=100 * sigma)}"
     return Lens.centred(focal_px, size_px, Origin("prior", sigma)), words
+
+
+def _is_firmer(asked: AskedLens | None, known: Lens) -> bool:
+    """Whether the frames say more than a camera's own note."""
+    source, sigma = known.focal_from
+    return source == "metadata" and asked is not None and asked.focal_sigma < (sigma or 0.0)
 
 
 def _asked(found: SelfCalibration, size_px: tuple[int, int]) -> AskedLens | None:
