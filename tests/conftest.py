@@ -78,6 +78,13 @@ def pose_landmarks(shared_path) -> Path:
     return shared_path("models/pose_landmark_lite.tflite")
 
 
+@pytest.fixture
+def no_scheduler(monkeypatch) -> str:
+    """An address at which no Dask scheduler is, for which nobody waits the usual five seconds."""
+    monkeypatch.setattr("gmrdata.stage.workers.CONNECT_S", 0.5)
+    return "tcp://127.0.0.1:9"
+
+
 @pytest.fixture(scope="session")
 def cmu_dir(shared_data, tmp_path_factory) -> Path:
     """Real CMU motions, unpacked: `bvh/*.bvh` and `amc/*.{asf,amc}`."""

@@ -71,23 +71,25 @@ def test_the_same_again_makes_what_is_missing_alone(solved_videos, clips, gmrdat
     fails_cleanly(gmrdata(*command, "--seed", "1"), "other values of config.solve.sfm.seed")
 
 
-def test_what_failed_is_said_where_nothing_is_there_to_show(clips, gmrdata, tmp_path):
+def test_what_failed_is_said_where_nothing_is_there_to_show(clips, gmrdata, tmp_path, no_scheduler):
     """That `videos.json` is missing was said instead."""
     command = ("video", clips, "--out", tmp_path / "out", *CAMERAS_ALONE)
-    failed = gmrdata(*command, "--scheduler", "tcp://127.0.0.1:9")
-    fails_cleanly(failed, "tcp://127.0.0.1:9")
+    failed = gmrdata(*command, "--scheduler", no_scheduler)
+    fails_cleanly(failed, no_scheduler)
     assert "videos.json" not in failed.stderr
 
 
-def test_an_old_result_is_not_printed_where_no_worker_is_reached(clips, gmrdata, tmp_path):
+def test_an_old_result_is_not_printed_where_no_worker_is_reached(
+    clips, gmrdata, tmp_path, no_scheduler
+):
     """A script read it as that of the videos that it had given."""
     out = tmp_path / "out"
     out.mkdir()
     Videos(videos=()).write(out / "videos.json")
     before = contents(out)
     command = ("video", clips, "--out", out, *CAMERAS_ALONE, "--json")
-    failed = gmrdata(*command, "--scheduler", "tcp://127.0.0.1:9")
-    fails_cleanly(failed, "no Dask scheduler at tcp://127.0.0.1:9")
+    failed = gmrdata(*command, "--scheduler", no_scheduler)
+    fails_cleanly(failed, f"no Dask scheduler at {no_scheduler}")
     assert failed.stdout == "" and contents(out) == before
 
 

@@ -91,11 +91,11 @@ def test_amass_in_worker_processes(tmp_path, body_path):
     assert {path: path.stat().st_mtime_ns for path in written} == written
 
 
-def test_a_cluster_is_asked_for_a_few_files_too(tmp_path, body_path):
+def test_a_cluster_is_asked_for_a_few_files_too(tmp_path, body_path, no_scheduler):
     """With the OMP_NUM_THREADS=1 that a cluster wants all were read one by one, without a word."""
     write_amass(tmp_path / "AMASS", NAMES[:1])
-    run = Run(scheduler="tcp://127.0.0.1:9")
-    with pytest.raises(NoWorkers, match="no Dask scheduler at tcp://127.0.0.1:9"):
+    run = Run(scheduler=no_scheduler)
+    with pytest.raises(NoWorkers, match=f"no Dask scheduler at {no_scheduler}"):
         make_library((tmp_path / "AMASS",), str(body_path), tmp_path / "out", run=run)
 
 

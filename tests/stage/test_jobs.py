@@ -278,11 +278,11 @@ def test_two_commands_on_one_scheduler_get_their_own_results(tmp_path):
 
 
 @pytest.mark.parametrize("protocol", ["tcp", "tls"])  # without a certificate
-def test_no_scheduler_at_the_address_is_a_clear_error(monkeypatch, protocol):
-    monkeypatch.setattr(workers, "CONNECT_S", 0.5)
+def test_no_scheduler_at_the_address_is_a_clear_error(no_scheduler, protocol):
+    address = no_scheduler.replace("tcp", protocol)
     with (
-        pytest.raises(NoWorkers, match=f"no Dask scheduler at {protocol}://127.0.0.1:9"),
-        worker_pool(Run(scheduler=f"{protocol}://127.0.0.1:9")) as pool,
+        pytest.raises(NoWorkers, match=f"no Dask scheduler at {address}"),
+        worker_pool(Run(scheduler=address)) as pool,
     ):
         pool.client()
 

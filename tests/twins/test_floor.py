@@ -36,13 +36,13 @@ def twin(name: str, kind: str, people: int) -> TwinSequence:
     return TwinSequence(name, kind, "gait walk", people, SceneConfig(), programme)
 
 
-def write_truth(made: Any, folder: Path, classes: dict[str, str]) -> None:
+def write_truth(made: Any, folder: Path) -> None:
     body = read_body(made.body_path)
     for clips in made.truth.values():
         for clip in clips:
             rest_pelvis_m = body.rest_pelvis_m(clip.motion.shape)
             save_clip(folder / "truth" / f"{clip.id}.npz", clip, rest_pelvis_m)
-    sequences = tuple(twin(name, kind, len(made.truth[name])) for name, kind in classes.items())
+    sequences = tuple(twin(name, kind, len(made.truth[name])) for name, kind in CLASSES.items())
     TwinsRecord(sequences=sequences).write(folder / "truth" / "twins.json")
 
 
@@ -57,7 +57,7 @@ def place(filmed_set, made_set, tmp_path_factory) -> Path:
     shutil.copytree(made_set / "sequences", begun)
     shutil.rmtree(begun / "pan_00" / "pseudo_gt")
     shutil.copytree(filmed_set.root, folder / "twins" / "3DPW")
-    write_truth(filmed_set, folder / "twins", CLASSES)
+    write_truth(filmed_set, folder / "twins")
     recipe = filmed_set.recipe().model_dump(mode="json")
     (folder / "recipe.yaml").write_text(yaml.safe_dump(recipe), encoding="utf-8")
     answer = floor_verb(folder)
@@ -175,7 +175,7 @@ def test_twins_without_truth_are_refused_before_the_work(filmed_set, tmp_path):
     recipe = filmed_set.recipe()
     with pytest.raises(MissingInput, match=r"twins\.json"):
         floor_of_twins(tmp_path / "twins", recipe, tmp_path / "out")
-    write_truth(filmed_set, tmp_path / "twins", CLASSES)
+    write_truth(filmed_set, tmp_path / "twins")
     (tmp_path / "twins" / "truth" / "pan_00.p0.npz").unlink()
     with pytest.raises(MissingInput, match=r"no pan_00\.p0\.npz"):
         floor_of_twins(tmp_path / "twins", recipe, tmp_path / "out")
@@ -185,7 +185,9 @@ def test_twins_without_truth_are_refused_before_the_work(filmed_set, tmp_path):
     assert not (tmp_path / "out").exists()
 
 
-def test_where_nothing_is_regenerated_the_reason_is_said_and_the_old_floor_stays(place, tmp_path):
+def test_where_nothing_is_regenerated_the_reason_is_said_and_the_old_floor_stays(
+    place, tmp_path, no_scheduler
+):
     """It was written anew, with another recipe beside the figures of the run before."""
     shutil.copytree(place, tmp_path / "place")
     twins_dir, out = tmp_path / "place" / "twins", tmp_path / "place" / "out"
@@ -197,8 +199,8 @@ def test_where_nothing_is_regenerated_the_reason_is_said_and_the_old_floor_stays
         floor_of_twins(twins_dir, other, out)
     assert (out / "floor.json").read_bytes() == before
     shutil.rmtree(out / "regenerated" / "sequences" / "arc_00" / "pseudo_gt")
-    with pytest.raises(NothingMade, match="no Dask scheduler at tcp://127.0.0.1:9"):
-        floor_of_twins(twins_dir, recipe, out, run=Run(scheduler="tcp://127.0.0.1:9"))
+    with pytest.raises(NothingMade, match=f"no Dask scheduler at {no_scheduler}"):
+        floor_of_twins(twins_dir, recipe, out, run=Run(scheduler=no_scheduler))
     assert (out / "floor.json").read_bytes() == before
 
 
@@ -223,7 +225,7 @@ def test_a_body_that_the_recipe_lacks_is_named(place, filmed_set):
 
 @pytest.mark.parametrize("old", [False, True])
 def test_where_no_twin_is_rendered_the_reason_is_said_and_old_ones_stay(
-    filmed_set, tmp_path, anny, old
+    filmed_set, tmp_path, no_scheduler, old
 ):
     """Another seed's twins were measured and listed with this one, or said to be missing."""
     clip = {"id": "walk_00", "gait": "walk", "programme": {"kind": "static"}}
@@ -233,11 +235,9 @@ def test_where_no_twin_is_rendered_the_reason_is_said_and_old_ones_stay(
     out = tmp_path / "out"
     if old:
         shutil.copytree(filmed_set.root, out / "twins" / "3DPW")
-        write_truth(filmed_set, out / "twins", CLASSES)
+        write_truth(filmed_set, out / "twins")
         (out / "floor.json").write_text("old", encoding="utf-8")
-    with pytest.raises(NothingMade, match="no Dask scheduler at tcp://127.0.0.1:9"):
-        sampled_floor(
-            recipe, tmp_path, filmed_set.recipe(), out, run=Run(scheduler="tcp://127.0.0.1:9")
-        )
+    with pytest.raises(NothingMade, match=f"no Dask scheduler at {no_scheduler}"):
+        sampled_floor(recipe, tmp_path, filmed_set.recipe(), out, run=Run(scheduler=no_scheduler))
     assert not (out / "regenerated").exists()
     assert [path.read_text(encoding="utf-8") for path in out.glob("floor.json")] == ["old"] * old

@@ -315,10 +315,10 @@ def test_a_sequence_that_no_recipe_made_stays(out, tmp_path):
     assert (tmp_path / "copy" / "3DPW" / "imageFiles" / "downtown_00").is_dir()
 
 
-def test_a_set_of_which_nothing_was_rendered_says_why(tmp_path):
+def test_a_set_of_which_nothing_was_rendered_says_why(tmp_path, no_scheduler):
     """A clip that was never begun counted as rendered, and its file was missing."""
-    with pytest.raises(StageFailed, match="no Dask scheduler at tcp://127.0.0.1:9"):
-        make_twins(RECIPE, tmp_path, run=Run(scheduler="tcp://127.0.0.1:9"))
+    with pytest.raises(StageFailed, match=f"no Dask scheduler at {no_scheduler}"):
+        make_twins(RECIPE, tmp_path, run=Run(scheduler=no_scheduler))
 
 
 def test_what_gmrdata_made_is_left_out_of_its_motions_with_one_remark(tmp_path, capsys):
