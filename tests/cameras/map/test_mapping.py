@@ -1,8 +1,10 @@
 """Both mappers, frames that they leave out, and models of two scales, made on purpose."""
 
 import shutil
+from collections.abc import Callable
 from contextlib import closing
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -239,24 +241,34 @@ def test_an_arc_is_better_explained_by_six_degrees_of_freedom(arc_alone, tmp_pat
 SWAYING = SfmConfig(max_features=600)
 
 
-def film_swaying(reach_m: float, folder: Path) -> tuple[Filmed, Frames, Matches]:
-    """What 14 cameras film that sway about one place, and the frames' matches."""
-    along = np.linspace(0, 1, 14)
-    sway = np.stack([np.sin(5 * along), np.cos(7 * along), np.sin(9 * along + 1)], axis=1) / 2
-    person_m = np.stack([-1.0 + 2 * along, 0 * along + 0.4, 0 * along], axis=1)
-    centres_m = np.array([0.0, -3.0, 1.5]) + reach_m * sway
-    targets_m = person_m + np.array([0.0, 0.0, 1.0])
-    cameras = np.array([look_at(c, t) for c, t in zip(centres_m, targets_m, strict=True)])
-    filmed = film_cameras(folder / "film", cameras, person_m)
-    frames = filmed.frames
-    return filmed, frames, match_frames(frames, folder, SWAYING)
+Swaying = tuple[Filmed, Matches, Solution | None, Path]
+
+
+@pytest.fixture(scope="module")
+def swaying(tmp_path_factory) -> Callable[[float], Swaying]:
+    """What 14 cameras film that sway so far about one place, the frames' matches, their map, and
+    the folder that it was made in."""
+
+    @cache
+    def made(reach_m: float) -> Swaying:
+        along, folder = np.linspace(0, 1, 14), tmp_path_factory.mktemp("swaying")
+        sway = np.stack([np.sin(5 * along), np.cos(7 * along), np.sin(9 * along + 1)], axis=1) / 2
+        person_m = np.stack([-1.0 + 2 * along, 0 * along + 0.4, 0 * along], axis=1)
+        centres_m = np.array([0.0, -3.0, 1.5]) + reach_m * sway
+        targets_m = person_m + np.array([0.0, 0.0, 1.0])
+        cameras = np.array([look_at(c, t) for c, t in zip(centres_m, targets_m, strict=True)])
+        filmed = film_cameras(folder / "film", cameras, person_m)
+        matches = match_frames(filmed.frames, folder, SWAYING)
+        mapped = mapping.map_frames(filmed.frames, matches, folder, SWAYING)
+        return filmed, matches, mapped, folder
+
+    return made
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("reach_m", [0.08, 0.07, 0.0])
-def test_a_camera_that_hardly_leaves_its_place_is_mapped_and_a_pan_is_not(reach_m, tmp_path):
-    filmed, frames, matches = film_swaying(reach_m, tmp_path)
-    mapped = mapping.map_frames(frames, matches, tmp_path, SWAYING)
+def test_a_camera_that_hardly_leaves_its_place_is_mapped_and_a_pan_is_not(reach_m, swaying):
+    filmed, _, mapped, _ = swaying(reach_m)
     if reach_m == 0:
         assert mapped is None or not mapped.has_camera.all()
         return
@@ -265,25 +277,23 @@ def test_a_camera_that_hardly_leaves_its_place_is_mapped_and_a_pan_is_not(reach_
 
 
 @pytest.mark.slow
-def test_a_second_solution_of_a_camera_that_hardly_travels_is_not_given_up_with_one_mapper(
-    tmp_path,
-):
+def test_a_second_solution_of_a_camera_that_hardly_travels_is_not_given_up_with_one_mapper(swaying):
     """Of a pan in a street the global mapper found all keyframes and of two in three none: a right
     path was rejected, since nothing confirmed it."""
-    _, frames, matches = film_swaying(0.07, tmp_path)
-    first = mapping.map_frames(frames, matches, tmp_path, SWAYING)
+    filmed, matches, first, work_dir = swaying(0.07)
     assert first is not None
+    frames = filmed.frames
     rows = np.flatnonzero(np.arange(14) % 3 != 1)
     otherwise = replace(first, mapper="incremental")
-    second, error_px = mapping.map_again(otherwise, rows, frames, matches, tmp_path, SWAYING)
+    second, error_px = mapping.map_again(otherwise, rows, frames, matches, work_dir, SWAYING)
     assert np.isfinite(second[rows]).all() and error_px < 1.0
     # A camera that travels has the mapper of its first solution alone.
     far = replace(otherwise, points=first.points / 100)
     again = SWAYING.model_copy(update={"seed": 1})
-    none, _ = mapping.map_again(far, rows, frames, matches, tmp_path, again)
+    none, _ = mapping.map_again(far, rows, frames, matches, work_dir, again)
     assert np.isnan(none).all()
     # Two frames have no model; that mapper is not asked twice.
-    nothing, _ = mapping.map_again(first, rows[:2], frames, matches, tmp_path, again)
+    nothing, _ = mapping.map_again(first, rows[:2], frames, matches, work_dir, again)
     assert first.mapper == "small_parallax" and np.isnan(nothing).all()
 
 
