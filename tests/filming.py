@@ -74,6 +74,12 @@ def write_pictures(folder: Path, pictures: Iterable[np.ndarray]) -> list[Path]:
     return paths
 
 
+def coarse_noise(n: int) -> list[np.ndarray]:
+    """Unrelated pictures (120, 160) uint8 whose features all lie in the first octave."""
+    coarse = np.random.default_rng(0).integers(0, 255, (n, 30, 40)).astype(np.uint8)
+    return [cv2.resize(one, (160, 120), interpolation=cv2.INTER_CUBIC) for one in coarse]
+
+
 def look_at(centre_m: np.ndarray, target_m: np.ndarray) -> np.ndarray:
     """world_from_cam (4, 4) of a level camera."""
     forward = (target_m - centre_m) / np.linalg.norm(target_m - centre_m)

@@ -28,7 +28,14 @@ from gmrdata.values.errors import (
     NoReconstruction,
     StaleOutput,
 )
-from tests.filming import film_cameras, look_at, tracked_error_px, turn_errors_deg, write_pictures
+from tests.filming import (
+    coarse_noise,
+    film_cameras,
+    look_at,
+    tracked_error_px,
+    turn_errors_deg,
+    write_pictures,
+)
 from tests.read.videos import make_video, textured
 
 SMALL = SfmConfig(max_features=600)
@@ -186,12 +193,6 @@ def even(greys: Sequence[int]) -> list[np.ndarray]:
     return [np.full((120, 160), grey, np.uint8) for grey in greys]
 
 
-def unrelated(n: int) -> list[np.ndarray]:
-    rng, how = np.random.default_rng(0), cv2.INTER_CUBIC
-    coarse = [rng.integers(0, 255, (30, 40)).astype(np.uint8) for _ in range(n)]
-    return [cv2.resize(one, (160, 120), interpolation=how) for one in coarse]
-
-
 def behind_a_logo(n: int) -> list[np.ndarray]:
     """A camera that went round a fox, with a logo over a fifth of its frames, was called static."""
     rng = np.random.default_rng(0)
@@ -206,7 +207,7 @@ def behind_a_logo(n: int) -> list[np.ndarray]:
 
 def zoomed(n: int) -> list[np.ndarray]:
     """A camera that zooms from one place was accepted as one that goes towards a wall."""
-    picture, pictures = unrelated(1)[0], []
+    picture, pictures = coarse_noise(1)[0], []
     for zoom in np.linspace(1.0, 1.5, n):
         about_middle = np.array([[zoom, 0, 79.5 * (1 - zoom)], [0, zoom, 59.5 * (1 - zoom)]])
         seen = cv2.warpAffine(picture, about_middle, (160, 120), flags=cv2.INTER_CUBIC)
@@ -219,7 +220,7 @@ def zoomed(n: int) -> list[np.ndarray]:
     [
         (even(range(90, 94)), "features per frame in the frames.*textureless"),
         (even([3] * 4), "the frames are black"),
-        (unrelated(5), "no two frames show the same background.*another place"),
+        (coarse_noise(5), "no two frames show the same background.*another place"),
         (
             behind_a_logo(8),
             "explains only [0-9]+% of the picture, less than 50%. A logo, a subtitle or the hood",
@@ -269,7 +270,7 @@ def test_a_folder_of_a_recording_that_hung_is_said(of_video, n_said, tmp_path, c
 
 
 def test_a_cut_is_named_by_its_images_number(tmp_path):
-    for image in write_pictures(tmp_path / "frames", unrelated(5)):
+    for image in write_pictures(tmp_path / "frames", coarse_noise(5)):
         image.rename(image.with_name(f"{100 + int(image.stem)}.png"))
     frames = read_frames(tmp_path / "frames")
     lens = Lens((150.0, 150.0), (80.0, 60.0), frames.size_px)

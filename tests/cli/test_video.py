@@ -5,7 +5,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 import pycolmap
 import pytest
@@ -20,7 +19,7 @@ from gmrdata.twins.pseudo_gt_error import compare_clips
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, camera_of, load_clip
 from tests.film.set_kills import contents
-from tests.filming import INTRINSICS_PX
+from tests.filming import INTRINSICS_PX, write_pictures
 from tests.fixtures.command_line import fails_cleanly
 from tests.fixtures.filmed_sets import HEIGHT_PX, N_FRAMES, WIDTH_PX
 from tests.read import system_files
@@ -116,9 +115,7 @@ def test_in_a_batch_it_is_the_same_folder(solved, filmed_set, vibe_file, tmp_pat
     for name in ("arc_00", "nobody"):
         (poses / name).mkdir(parents=True)
         shutil.copy(vibe_file, poses / name / "vibe_output.pkl")
-    still.mkdir()
-    for number in range(3):
-        cv2.imwrite(str(still / f"{number}.png"), np.full((90, 160, 3), 90, np.uint8))
+    write_pictures(still, [np.full((90, 160, 3), 90, np.uint8)] * 3)
     frames, body = filmed_set.root / "imageFiles" / "arc_00", vibe_file.with_name("body.npz")
     given = arguments(frames, batch, "--workers", "1", "--fps-hz", "30", "--poses", poses)
     said = works(given[0], still, *given[1:], "--body", body).stderr.replace("\n", " ")
@@ -167,11 +164,9 @@ def test_a_wrong_file_of_people_is_said_before_cameras_are_sought(dolly, tmp_pat
 
 
 def test_a_video_without_a_camera_path_is_rejected_with_the_reason(tmp_path, gmrdata, works):
-    folder = tmp_path / "frames"
-    folder.mkdir()
-    for number in range(6):
-        cv2.imwrite(str(folder / f"{number:05d}.png"), np.full((90, 160, 3), 9 * number, np.uint8))
-    given = arguments(folder, tmp_path / "out", "--fps-hz", "10")
+    greys = (np.full((90, 160, 3), 9 * number, np.uint8) for number in range(6))
+    write_pictures(tmp_path / "frames", greys)
+    given = arguments(tmp_path / "frames", tmp_path / "out", "--fps-hz", "10")
     said = works(*given)
     assert said.stdout.startswith("rejected\n  ")
     assert "Traceback" not in said.stderr

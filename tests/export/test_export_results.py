@@ -28,6 +28,7 @@ from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
 from gmrdata.values.skinning import motion_joints_m
 from gmrdata.world.judge import load_record
 from tests.clip_manifests import write_clips
+from tests.filming import write_pictures
 from tests.fixtures.command_line import fails_cleanly
 from tests.pages.solved_video import solved_video
 from tests.write.rerun_files import Recorded
@@ -274,11 +275,8 @@ def folder(clip, small_body, tmp_path) -> Path:
     folder, rest_pelvis_m = tmp_path / "walk", small_body.rest_pelvis_m(clip.motion.shape)
     save_clip(folder / "clip.npz", clip, rest_pelvis_m)
     save_body(tmp_path / "body" / "body.npz", small_body)
-    for row in range(N_FRAMES):
-        for name, value in (("frames", 40), ("masks", 255)):
-            (folder / name).mkdir(exist_ok=True)
-            pixels = np.full((SIZE_PX[1], SIZE_PX[0]), value, np.uint8)
-            cv2.imwrite(str(folder / name / f"{row:05d}.png"), pixels)
+    for name, value in (("frames", 40), ("masks", 255)):
+        write_pictures(folder / name, [np.full(SIZE_PX[::-1], value, np.uint8)] * N_FRAMES)
     turned = TRUE_FROM_WORLD[:3, :3] @ clip.motion.root_rotmats
     moved_m = transforms.apply(TRUE_FROM_WORLD, clip.motion.pelvis_m)
     motion = replace(clip.motion, root_rotmats=turned, pelvis_m=moved_m).take(slice(2, None))

@@ -32,6 +32,7 @@ from gmrdata.values.camera import intrinsics_from_fov, project
 from gmrdata.values.errors import BadFrames, NothingToCompare
 from gmrdata.values.skinning import motion_vertices_m
 from gmrdata.write import overlay
+from tests.filming import write_pictures
 from tests.motions import moved
 
 
@@ -286,15 +287,11 @@ def test_overview_is_reproducible_and_wide(report, tmp_path):
 @pytest.fixture
 def grey_dirs(tmp_path) -> tuple[Path, Path]:
     """Six grey frames of 80x40 with the left half masked."""
-    images_dir, masks_dir = tmp_path / "frames", tmp_path / "masks"
-    images_dir.mkdir()
-    masks_dir.mkdir()
     mask = np.zeros((40, 80), np.uint8)
     mask[:, :40] = 255
-    for i in range(6):
-        cv2.imwrite(str(images_dir / f"{i:02d}.png"), np.full((40, 80, 3), 100, np.uint8))
-        cv2.imwrite(str(masks_dir / f"{i:02d}.png"), mask)
-    return images_dir, masks_dir
+    write_pictures(tmp_path / "frames", [np.full((40, 80, 3), 100, np.uint8)] * 6)
+    write_pictures(tmp_path / "masks", [mask] * 6)
+    return tmp_path / "frames", tmp_path / "masks"
 
 
 def test_the_masked_part_is_tinted_and_the_rest_left(grey_dirs):
@@ -309,13 +306,13 @@ def test_the_masked_part_is_tinted_and_the_rest_left(grey_dirs):
 
 def test_it_is_made_anew_when_masks_change(grey_dirs, tmp_path):
     first = make_mask_sheet(*grey_dirs, tmp_path / "sheet").read_bytes()
-    cv2.imwrite(str(grey_dirs[1] / "00.png"), np.zeros((40, 80), np.uint8))
+    cv2.imwrite(str(grey_dirs[1] / "00000.png"), np.zeros((40, 80), np.uint8))
     assert make_mask_sheet(*grey_dirs, tmp_path / "sheet").read_bytes() != first
 
 
 def test_a_missing_mask_is_an_error(grey_dirs, tmp_path):
-    (grey_dirs[1] / "05.png").unlink()
-    with pytest.raises(BadFrames, match=r"no mask for 05\.png"):
+    (grey_dirs[1] / "00005.png").unlink()
+    with pytest.raises(BadFrames, match=r"no mask for 00005\.png"):
         make_mask_sheet(*grey_dirs, tmp_path / "sheet")
 
 

@@ -12,6 +12,7 @@ from onnx import OperatorSetIdProto, TensorProto, helper
 from gmrdata.motion.gait import make_gait
 from gmrdata.people.following import Networks
 from gmrdata.values.motion import Motion
+from tests.filming import write_pictures
 
 OnnxWriter = Callable[..., bytes]
 
@@ -45,9 +46,7 @@ def networks(yolox_nano, pose_landmarks) -> Networks:
 @pytest.fixture
 def grey_dir(tmp_path) -> Path:
     """Two frames without anybody."""
-    (tmp_path / "grey").mkdir()
-    for n in range(2):
-        cv2.imwrite(str(tmp_path / "grey" / f"{n}.png"), np.full((120, 160, 3), 90, np.uint8))
+    write_pictures(tmp_path / "grey", [np.full((120, 160, 3), 90, np.uint8)] * 2)
     return tmp_path / "grey"
 
 
@@ -74,13 +73,9 @@ def onnx_bytes() -> OnnxWriter:
 @pytest.fixture
 def noise_dir(tmp_path) -> Path:
     """Three frames of noise, 64x48."""
-    folder = tmp_path / "frames"
-    folder.mkdir()
-    rng = np.random.default_rng(0)
-    for i in range(3):
-        noise = rng.integers(0, 256, (48, 64, 3), dtype=np.uint8)
-        cv2.imwrite(str(folder / f"{i:05d}.png"), noise)
-    return folder
+    noise = np.random.default_rng(0).integers(0, 256, (3, 48, 64, 3), dtype=np.uint8)
+    write_pictures(tmp_path / "frames", noise)
+    return tmp_path / "frames"
 
 
 @pytest.fixture(scope="session")

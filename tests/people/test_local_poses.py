@@ -22,6 +22,7 @@ from gmrdata.values.people import POSES_FILE, LocalPosesRecord, load_local_poses
 from gmrdata.values.skinning import posed_joints_m
 from gmrdata.world.bodies import BodiesConfig, make_bodies
 from gmrdata.world.placement import assumed_place
+from tests.filming import write_pictures
 from tests.frame_sets import frame_set
 
 LENS = Lens((820.0, 820.0), (150.0, 270.0), (300, 540))
@@ -40,9 +41,8 @@ def posed(images_dir: Path, frames: FrameSet, out_dir: Path, networks: Networks)
 def poses_dir(standing_people, networks, tmp_path_factory) -> Path:
     """One person of a real video, in a part of its pictures."""
     folder = tmp_path_factory.mktemp("local_poses")
-    (folder / "frames").mkdir()
-    for n, path in enumerate(standing_people[:3]):
-        cv2.imwrite(str(folder / "frames" / f"{n}.png"), cv2.imread(str(path))[:, 450:750])
+    parts = (cv2.imread(str(path))[:, 450:750] for path in standing_people[:3])
+    write_pictures(folder / "frames", parts)
     return posed(folder / "frames", TIMES, folder, networks)
 
 

@@ -128,16 +128,21 @@ def test_poses_a_tenth_of_a_second_apart_are_near_enough_at_rates_of_ntsc(
     np.testing.assert_array_equal(clip.valid, rows[-1] >= ALL)
 
 
+def write_prompthmr(path: Path, seen: Seen, rows: np.ndarray) -> Path:
+    """PromptHMR's file of some rows of the person, before a camera at rest."""
+    n, lens = len(rows), Lens.of_matrix(seen.intrinsics_px, SIZE_PX)
+    still = np.tile(np.eye(4), (n, 1, 1))
+    camera = CameraPath(lens.matrix_px, *SIZE_PX, still, np.ones(n, bool))
+    motion = replace(seen.motion.take(rows), frame="world")
+    return system_files.write_prompthmr(path, motion, camera, np.arange(n))
+
+
 @pytest.mark.parametrize(("fps_hz", "first"), [(120.0, 1), (20.0, 0)])
 def test_prompthmr_itself_takes_the_last_of_each_two_frames(fps_hz, first, seen, neutral, tmp_path):
     """Above 60 Hz; its poses were taken for those of the frame before.  A video of fewer frames
     that somebody made for it has the first of two, as for the other systems."""
     rows = np.arange(first, N_FRAMES, 2)
-    lens, still = Lens.of_matrix(seen.intrinsics_px, SIZE_PX), np.tile(np.eye(4), (len(rows), 1, 1))
-    camera = CameraPath(lens.matrix_px, *SIZE_PX, still, np.ones(len(rows), bool))
-    motion = replace(seen.motion.take(rows), frame="world")
-    path = tmp_path / "results.pkl"
-    system_files.write_prompthmr(path, motion, camera, np.arange(len(rows)))
+    path = write_prompthmr(tmp_path / "results.pkl", seen, rows)
     whole = filmed(seen, video(ALL, N_FRAMES + first, fps_hz))
     record = made_of(path, whole, neutral, BodiesConfig(frames_per_row=2))
     (person,), found = record.people, load_clip(tmp_path / "bodies" / "person_0.npz").motion
@@ -161,10 +166,7 @@ def test_images_of_frames_between_poses_take_what_lies_between(
     """Of poses of every second frame only those on an image were used: a right file was refused, or
     most of its poses dropped, and people went straight from image to image."""
     numbers, rows = np.arange(first, N_FRAMES, every), np.arange(row, N_FRAMES, 2)
-    lens, still = Lens.of_matrix(seen.intrinsics_px, SIZE_PX), np.tile(np.eye(4), (len(rows), 1, 1))
-    camera = CameraPath(lens.matrix_px, *SIZE_PX, still, np.ones(len(rows), bool))
-    motion, path = replace(seen.motion.take(rows), frame="world"), tmp_path / "results.pkl"
-    system_files.write_prompthmr(path, motion, camera, np.arange(len(rows)))
+    path = write_prompthmr(tmp_path / "results.pkl", seen, rows)
     # At 120 Hz PromptHMR itself takes the last of each two frames, else the first is taken.
     frames = video(numbers, N_FRAMES, (120.0 if row else 20.0) / every)
     made_of(path, filmed(seen, frames), neutral, BodiesConfig(frames_per_row=2))

@@ -16,6 +16,7 @@ from gmrdata.values.errors import BadFrames, BadMotionFile
 from gmrdata.values.skinning import motion_vertices_m
 from gmrdata.write.overlay import draw_people, floor_path_m, write_overlay
 from gmrdata.write.take import Performer, Take
+from tests.filming import write_pictures
 from tests.write.takes import HIDDEN, N_FRAMES, SIZE_PX
 
 WITHOUT_IMAGE = 2
@@ -24,10 +25,8 @@ WITHOUT_IMAGE = 2
 @pytest.fixture(scope="module")
 def images(tmp_path_factory) -> list[Path | None]:
     """Dark grey frames, one of which is missing."""
-    folder, paths = tmp_path_factory.mktemp("frames"), []
-    for row in range(N_FRAMES):
-        paths.append(folder / f"{row:05d}.png")
-        cv2.imwrite(str(paths[-1]), np.full((SIZE_PX[1], SIZE_PX[0], 3), 40, np.uint8))
+    grey = np.full((SIZE_PX[1], SIZE_PX[0], 3), 40, np.uint8)
+    paths = write_pictures(tmp_path_factory.mktemp("overlay") / "frames", [grey] * N_FRAMES)
     return [None if row == WITHOUT_IMAGE else path for row, path in enumerate(paths)]
 
 

@@ -3,12 +3,12 @@
 from fractions import Fraction
 
 import av
-import cv2
 import numpy as np
 import pytest
 
 from gmrdata.values.errors import BadFrames
 from gmrdata.write.video import write_video, write_video_of
+from tests.filming import write_pictures
 
 
 def pictures(n: int, height_px: int = 48, width_px: int = 64) -> list[np.ndarray]:
@@ -53,13 +53,11 @@ def test_odd_sizes_grow_by_a_pixel(tmp_path):
 
 
 def test_images_in_files(tmp_path):
-    for i, frame in enumerate(pictures(3)):
-        cv2.imwrite(str(tmp_path / f"{i:05d}.png"), frame[..., ::-1])
-    paths = sorted(tmp_path.glob("*.png"))
+    paths = write_pictures(tmp_path / "frames", [frame[..., ::-1] for frame in pictures(3)])
     assert write_video_of(paths, tmp_path / "files.mp4", 10.0) == 3
     write_video(pictures(3), tmp_path / "arrays.mp4", 10.0)
     assert (tmp_path / "files.mp4").read_bytes() == (tmp_path / "arrays.mp4").read_bytes()
-    (tmp_path / "00001.png").write_bytes(b"")
+    paths[1].write_bytes(b"")
     with pytest.raises(BadFrames, match=r"00001\.png"):
         write_video_of(paths, tmp_path / "broken.mp4", 10.0)
     assert not (tmp_path / "broken.mp4").exists()

@@ -23,7 +23,6 @@ from gmrdata.cameras.match.matches import Matches, PairMatches, match_frames
 from gmrdata.cameras.recipe import SfmConfig
 from gmrdata.values import transforms
 from gmrdata.values.camera import project
-from gmrdata.values.transforms import fit_similarity
 from tests.cameras.drawn_models import (
     INTRINSICS_PX,
     SIZE_PX,
@@ -278,12 +277,6 @@ def centres_of(model: Any) -> tuple[list[int], np.ndarray]:
     return rows, np.array([image.projection_center() for image in images])
 
 
-def errors_m(model: Any, world_from_cam: np.ndarray) -> np.ndarray:
-    rows, centres = centres_of(model)
-    true = world_from_cam[rows, :3, 3]
-    return np.linalg.norm(fit_similarity(true, centres, scale=True).apply(centres) - true, axis=1)
-
-
 def test_two_models_that_share_frames_become_one(filmed_parts):
     filmed, *_, part = filmed_parts
     large, small = part(range(9)), part(range(6, N_SHARED_FRAMES))
@@ -295,10 +288,10 @@ def test_two_models_that_share_frames_become_one(filmed_parts):
     assert [(r.frames, r.kept) for r in records] == [(9, True), (8, True)]
     assert records[0].reason == "the largest"
     assert records[1].reason.startswith("joined by 3 frames and ")
-    rows, _ = centres_of(whole)
+    rows, centres = centres_of(whole)
     assert rows == list(range(N_SHARED_FRAMES))
     # Depths of three frames are rough; bundle adjustment comes after.
-    assert errors_m(whole, filmed.world_from_cam).max() < 0.08
+    assert filmed.centre_errors_m(centres).max() < 0.08
     # Points of the shared frames are one point each, not two on top of each other.
     assert max(n_points) < whole.num_points3D() < sum(n_points)
     assert whole.compute_mean_reprojection_error() < 1.0
@@ -344,7 +337,7 @@ def test_a_model_may_be_joined_through_another(filmed_parts):
     assert [r.kept for r in records] == [True, True, True]
     assert centres_of(whole)[0] == list(range(N_SHARED_FRAMES))
     bundle_adjuster(whole).solve()
-    assert errors_m(whole, filmed.world_from_cam).max() < 0.03
+    assert filmed.centre_errors_m(centres_of(whole)[1]).max() < 0.03
 
 
 def test_models_without_a_common_frame_are_dropped_with_the_reason(filmed_parts):

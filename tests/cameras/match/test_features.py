@@ -33,17 +33,9 @@ from gmrdata.cameras.match.keypoint_adjustment import (
 from gmrdata.cameras.match.matches import DATABASE_FILE, Matches, PairMatches, match_frames
 from gmrdata.cameras.recipe import SfmConfig
 from tests.cameras.match.test_keyframes import INTRINSICS_PX, SIZE_PX, shifted, texture
-from tests.filming import write_pictures
+from tests.filming import coarse_noise, write_pictures
 
 SMALL_INTRINSICS_PX = np.array([[150.0, 0, 80], [0, 150, 60], [0, 0, 1]])
-
-
-def coarse_noise(folder: Path, n_frames: int) -> list[Path]:
-    """Frames whose features all lie in the first octave."""
-    rng, size_px = np.random.default_rng(0), (160, 120)
-    coarse = (rng.integers(0, 255, (30, 40)).astype(np.uint8) for _ in range(n_frames))
-    fine = (cv2.resize(one, size_px, interpolation=cv2.INTER_CUBIC) for one in coarse)
-    return write_pictures(folder, fine)
 
 
 def features_of(frames: Frames, database_path: Path, config: SfmConfig) -> Features:
@@ -59,7 +51,7 @@ def keypoints_of(database_path: Path) -> dict[str, np.ndarray]:
 
 def test_features_are_those_of_each_frame_alone(tmp_path):
     """COLMAP's extractor gave a frame the orientations of the frame before it."""
-    images = coarse_noise(tmp_path / "frames", 12)
+    images = write_pictures(tmp_path / "frames", coarse_noise(12))
     frames = Frames(images, None, SMALL_INTRINSICS_PX, (160, 120))
     features_of(frames, tmp_path / "all.db", SfmConfig(threads=4, first_octave=0))
     together = keypoints_of(tmp_path / "all.db")
@@ -72,7 +64,8 @@ def test_features_are_those_of_each_frame_alone(tmp_path):
 
 def test_features_that_were_begun_early_are_the_same(tmp_path):
     """They are found while keyframes are chosen, more of them than are keyframes in the end."""
-    frames = Frames(coarse_noise(tmp_path / "frames", 6), None, SMALL_INTRINSICS_PX, (160, 120))
+    images = write_pictures(tmp_path / "frames", coarse_noise(6))
+    frames = Frames(images, None, SMALL_INTRINSICS_PX, (160, 120))
     config, keyframes = SfmConfig(threads=2), frames.some(np.array([0, 2, 5]))
     expected = features_of(keyframes, tmp_path / "late.db", config)
     with FeatureFinder(frames, tmp_path, config) as finder:
@@ -90,7 +83,7 @@ def test_features_that_were_begun_early_are_the_same(tmp_path):
 @pytest.mark.parametrize(("asked", "octave"), [(None, -1), (0, 0)])
 def test_features_are_those_of_colmap_for_a_single_frame(asked, octave, tmp_path):
     """Of a small frame, which is doubled if nobody says otherwise."""
-    images = coarse_noise(tmp_path / "frames", 1)
+    images = write_pictures(tmp_path / "frames", coarse_noise(1))
     frames = Frames(images, None, SMALL_INTRINSICS_PX, (160, 120))
     config = SfmConfig(max_features=600, first_octave=asked)
     found = features_of(frames, tmp_path / "own.db", config)
@@ -111,7 +104,7 @@ def test_frames_of_a_quarter_of_a_megapixel_are_taken_as_they_are():
 
 
 def test_features_inside_masks_are_last_and_have_no_descriptors(tmp_path):
-    images = coarse_noise(tmp_path / "frames", 2)
+    images = write_pictures(tmp_path / "frames", coarse_noise(2))
     mask = np.zeros((120, 160), np.uint8)
     mask[:, :70] = 255
     write_pictures(tmp_path / "masks", [mask] * len(images))
@@ -223,11 +216,11 @@ def errors_px(found_px: np.ndarray, after_from_before: np.ndarray) -> np.ndarray
     return np.asarray(np.linalg.norm(found_px - true_px, axis=1))
 
 
-def guessed_px(after_from_before: np.ndarray, off_px: float = 0.5) -> np.ndarray:
+def guessed_px(after_from_before: np.ndarray) -> np.ndarray:
     """Places as SIFT would have them, half a pixel off."""
     rng = np.random.default_rng(0)
     true_px = POINTS_PX @ after_from_before[:, :2].T + after_from_before[:, 2]
-    return np.asarray(true_px + rng.normal(0, off_px, true_px.shape))
+    return np.asarray(true_px + rng.normal(0, 0.5, true_px.shape))
 
 
 @settings(max_examples=20)
