@@ -48,22 +48,17 @@ def test_a_record_that_says_the_same_is_left_alone(tmp_path):
     assert Measured.read(path).share == 0.6
 
 
-@pytest.mark.parametrize("key", ["format", "share", "focal_factor"])
-def test_a_missing_key_is_named(tmp_path, key):
-    path = edited(tmp_path / "a.json", **{key: "gone"})
-    with pytest.raises(BadRecord, match=rf"a\.json: has no .*`{key}`"):
-        Measured.read(path)
-
-
-def test_an_unknown_key_is_named(tmp_path):
-    with pytest.raises(BadRecord, match=r"a\.json: has an unknown key `shares`"):
-        Measured.read(edited(tmp_path / "a.json", shares=1.0))
-
-
-@pytest.mark.parametrize("share", ["much", None, float("nan"), float("inf")])
-def test_a_wrong_value_is_named(tmp_path, share):
-    with pytest.raises(BadRecord, match=r"a\.json: `share` is wrong"):
-        Measured.read(edited(tmp_path / "a.json", share=share))
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        *(({key: "gone"}, f"has no .*`{key}`") for key in ("format", "share", "focal_factor")),
+        ({"shares": 1.0}, "has an unknown key `shares`"),
+        *(({"share": wrong}, "`share` is wrong") for wrong in ("much", None, np.nan, np.inf)),
+    ],
+)
+def test_a_key_that_lacks_or_is_unknown_or_wrong_is_named(tmp_path, change, said):
+    with pytest.raises(BadRecord, match=rf"a\.json: {said}"):
+        Measured.read(edited(tmp_path / "a.json", **change))
 
 
 @pytest.mark.parametrize("text", ["[]", "3", '{"format": "gmrdata-other/1"}'])
