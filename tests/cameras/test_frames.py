@@ -75,16 +75,16 @@ def test_some_of_the_frames_share_what_was_decoded(dolly, decoded):
 K_PX = np.array([[300.0, 0, 100], [0, 300, 60], [0, 0, 1]])
 
 
-def a_frame(folder: Path, size_px: tuple[int, int] = (200, 120)) -> Frames:
+def a_frame(folder: Path) -> Frames:
     """White from column 100 on; the mask covers pixel (40, 20) alone."""
-    image, mask = np.zeros(size_px[::-1], np.uint8), np.zeros(size_px[::-1], np.uint8)
+    image, mask = np.zeros((2, 120, 200), np.uint8)
     image[:, 100:] = 255
     mask[20, 40] = 255
     for name, values in {"frames": image, "masks": mask}.items():
         (folder / name).mkdir()
         cv2.imwrite(str(folder / name / "image_00007.png"), values)
     images = [folder / "frames" / "image_00007.png"]
-    return Frames(images, folder / "masks", K_PX, size_px)
+    return Frames(images, folder / "masks", K_PX, (200, 120))
 
 
 def test_pixels_scale_from_the_outer_corner(tmp_path):

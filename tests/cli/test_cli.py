@@ -425,7 +425,7 @@ def test_no_text_of_others_commands_the_terminal(tmp_path):
     assert r"a\x1b[31m\u8d70" in answer.stdout and "\x1b" not in answer.stdout
 
 
-def test_a_name_of_no_letters_is_said(works, walks_command, monkeypatch, tmp_path):
+def test_a_name_of_no_letters_is_said(works, walks_command, tmp_path):
     """All was made, and then its path ended in a traceback."""
     out = os.fsdecode(os.fsencode(tmp_path) + b"/\xfc")
     assert works(*walks_command(1), "--out", out).stdout == f"{tmp_path}/\\xfc/motions.yaml\n"
@@ -507,7 +507,7 @@ def empty_cache(tmp_path, monkeypatch) -> Path:
     return tmp_path / "cache/gmrdata"
 
 
-def test_it_finds_what_the_tests_run_with(gmrdata, works, empty_cache, monkeypatch):
+def test_it_finds_what_the_tests_run_with(works, empty_cache, monkeypatch):
     said = works("doctor", "--json")
     found = json.loads(said.stdout)
     assert found["good"]
@@ -588,7 +588,7 @@ def test_blender_setup_says_what_it_made_or_why_that_does_not_start(
     fails_cleanly(gmrdata("blender", "setup"), told, "apt-get it")
 
 
-def test_models_and_bodies_are_looked_into(empty_cache, small_body):
+def test_models_and_bodies_are_looked_into(empty_cache):
     assert {part.state for part in doctor._models()} == {"missing"}
     models_dir().mkdir(parents=True)
     (models_dir() / MODELS[0].name).write_bytes(b"not a network")

@@ -63,7 +63,7 @@ def test_only_our_packages_cross(tmp_path, monkeypatch):
     assert ("PYTHONPATH" in environment.blender_variables()) == own
 
 
-def test_what_does_not_load_is_said_in_a_line(tmp_path):
+def test_what_does_not_load_is_said_in_a_line():
     said = in_blender("blender.no_such_module", check=False)
     assert said.returncode == 1 and "Traceback" not in said.stderr
     assert "can't load what it needs: No module named" in said.stderr

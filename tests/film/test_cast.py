@@ -412,7 +412,7 @@ def test_the_pose_that_is_held_is_the_files_at_that_time(small_body, tmp_path):
 
 
 @pytest.mark.slow
-def test_held_poses_do_not_move_in_the_world_of_recovered_cameras(made_set, filmed_set, small_body):
+def test_held_poses_do_not_move_in_the_world_of_recovered_cameras(made_set, filmed_set):
     """Fig. 6 of the paper: before the camera they turn and travel, in the world they don't."""
     true = filmed_set.truth["arc_00"][0]  # type: ignore[attr-defined]  # of a fixture module
     cameras = camera_of(true).world_from_cam

@@ -299,9 +299,9 @@ SYMMETRIC_CONFIG = ModelConfig(
 )  # fmt: skip
 
 
-def symmetric_network(config: ModelConfig = SYMMETRIC_CONFIG) -> Gmr:
+def symmetric_network() -> Gmr:
     torch.manual_seed(1)
-    model = Gmr(config).double().eval()
+    model = Gmr(SYMMETRIC_CONFIG).double().eval()
     assert model.looks is not None
     for look in model.looks:  # which say nothing before they are trained
         # Answers that are half a turn apart have no mean.

@@ -439,16 +439,16 @@ def test_hostile_files_are_not_run(tmp_path, small_body):
     assert not touched.exists()
 
 
-def _whole(kind: str, folder: Path, n_frames: int = 3) -> bytes:
-    """A file of one person from a system."""
+def _whole(kind: str, folder: Path) -> bytes:
+    """A file of one person in three frames from a system."""
     path = folder / "whole.bin"
     if kind == "vibe":
-        write_joblib(path, {1: vibe_person(n_frames)})
+        write_joblib(path, {1: vibe_person(3)})
     elif kind == "phalp":
-        poses = phalp_poses(n_frames)
-        write_phalp(path, [phalp_frame(t, {1: poses[t]}) for t in range(n_frames)])
+        poses = phalp_poses(3)
+        write_phalp(path, [phalp_frame(t, {1: poses[t]}) for t in range(3)])
     else:
-        write_torch(path, some_gvhmr(n_frames))
+        write_torch(path, some_gvhmr(3))
     return path.read_bytes()
 
 

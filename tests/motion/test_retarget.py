@@ -22,8 +22,8 @@ SOLE_M = -1.195
 """The small body's lowest vertex in its rest frame."""
 
 
-def _angles(seed: int, n_frames: int = 5) -> np.ndarray:
-    return np.random.default_rng(seed).uniform(-60, 60, (n_frames, 24, 3))
+def _angles(seed: int) -> np.ndarray:
+    return np.random.default_rng(seed).uniform(-60, 60, (5, 24, 3))
 
 
 def _expected_rotmats(angles_deg: np.ndarray) -> np.ndarray:

@@ -108,9 +108,9 @@ def _along_bones(small_body: BodyModel) -> np.ndarray:
     return zero
 
 
-def _apart_deg(a: Motion, b: Motion, rows: slice = slice(None)) -> np.ndarray:
+def _apart_deg(a: Motion, b: Motion) -> np.ndarray:
     """(24,) largest angle between the global rotations of each joint [deg]."""
-    both = [global_rotmats(PARENTS, m.rotmats[rows]) for m in (a, b)]
+    both = [global_rotmats(PARENTS, m.rotmats) for m in (a, b)]
     turns = both[0].swapaxes(-1, -2) @ both[1]
     angles = Rotation.from_matrix(turns.reshape(-1, 3, 3)).magnitude().reshape(turns.shape[:2])
     return np.rad2deg(angles).max(axis=0)

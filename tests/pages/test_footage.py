@@ -277,7 +277,7 @@ def test_the_nearer_triangle_hides_the_farther():
     assert not is_skin(from_behind).any()
 
 
-def test_grid_lines_are_where_whole_metres_are(small_body):
+def test_grid_lines_are_where_whole_metres_are():
     """Along a scan over the floor, dark pixels lie on lines x = whole metres."""
     vertices_m = np.array([[0.0, 0, 50], [0.1, 0, 50], [0, 0.1, 50.0]])  # far above the picture
     camera = camera_at((0.4, -3.0, 2.0))
@@ -307,7 +307,7 @@ def test_the_camera_keeps_the_person_in_view(turn, walk, small_body):
         assert np.ptp(points[:, 1]) > 40
 
 
-def test_a_person_who_stays_is_filmed_from_the_front(walk, small_body):
+def test_a_person_who_stays_is_filmed_from_the_front(walk):
     motion = walk(30.0, 30)
     staying = replace(motion, pelvis_m=np.tile([1.0, 2.0, 0.95], (30, 1)))
     front = (staying.root_rotmats @ (0.0, 0.0, 1.0)).mean(axis=0)[:2]

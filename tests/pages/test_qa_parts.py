@@ -112,10 +112,10 @@ def test_further_kinds_share_the_last_colour():
     assert colours == [*KIND_COLOURS, OTHER_COLOUR, OTHER_COLOUR]
 
 
-def moving_camera(n: int) -> np.ndarray:
-    """(n, 4, 4) world_from_cam of a camera that goes and turns."""
-    angles = np.linspace(0, 0.7, n)[:, None] * np.array([0.2, 1.0, 0.1])
-    places_m = np.c_[np.linspace(0, 2, n), np.sin(np.linspace(0, 3, n)), np.full(n, 1.5)]
+def moving_camera() -> np.ndarray:
+    """(20, 4, 4) world_from_cam of a camera that goes and turns."""
+    angles = np.linspace(0, 0.7, 20)[:, None] * np.array([0.2, 1.0, 0.1])
+    places_m = np.c_[np.linspace(0, 2, 20), np.sin(np.linspace(0, 3, 20)), np.full(20, 1.5)]
     return transforms.rigid(Rotation.from_rotvec(angles).as_matrix(), places_m)
 
 
@@ -125,7 +125,7 @@ def moving_camera(n: int) -> np.ndarray:
     st.booleans(),
 )
 def test_a_rigidly_moved_path_is_laid_back(rotvec, shift_m, in_place):
-    ours = moving_camera(20)
+    ours = moving_camera()
     if in_place:
         ours[:, :3, 3] = 0.0
     other = transforms.rigid(Rotation.from_rotvec(rotvec).as_matrix(), shift_m)
@@ -140,7 +140,7 @@ def test_a_rigidly_moved_path_is_laid_back(rotvec, shift_m, in_place):
 
 
 def test_a_difference_is_measured_in_metres_and_never_scaled_away():
-    ours = moving_camera(20)
+    ours = moving_camera()
     theirs = ours.copy()
     theirs[:, :3, 3] *= 1.5
     aligned = align_dataset_camera(ours, theirs, np.full(20, True))
@@ -151,7 +151,7 @@ def test_a_difference_is_measured_in_metres_and_never_scaled_away():
 
 
 def test_window_differences_are_those_of_the_moves():
-    ours = moving_camera(20)
+    ours = moving_camera()
     theirs = ours.copy()
     turn = transforms.rigid(Rotation.from_rotvec([0, 0, np.deg2rad(3)]).as_matrix(), np.zeros(3))
     theirs[10:] = theirs[10:] @ turn

@@ -307,7 +307,7 @@ def test_the_network_s_motions_come_and_go(copied, run_dir):
     assert (copied / "index.html").read_bytes() == before and overlay.read_bytes() == drawn
 
 
-def test_the_network_s_motions_of_other_frames_are_not_shown(copied, run_dir, small_body, tmp_path):
+def test_the_network_s_motions_of_other_frames_are_not_shown(copied, run_dir, small_body):
     fused = fuse_video(copied, run_dir)
     clip = load_clip(fused / "person_0.npz")
     other = replace(clip, image_numbers=clip.image_numbers + 1)

@@ -99,7 +99,7 @@ def test_nothing_to_turn_round(finished):
         view_of(found)
 
 
-def test_a_recovered_clip_stands_beside_the_truth(report, tmp_path):
+def test_a_recovered_clip_stands_beside_the_truth(report):
     clip = report.clips[0]
     true, recovered = view_of_clip(clip).people
     known = clip.has_camera

@@ -52,9 +52,7 @@ def test_the_closed_form_is_exact_for_exact_points(small_body, seed):
     np.testing.assert_allclose(found_m, pelvis_m, atol=1e-6)
 
 
-def by_differences(
-    joints_m: np.ndarray, points: np.ndarray, start_m: np.ndarray, robust_px: float
-) -> np.ndarray:
+def by_differences(joints_m: np.ndarray, points: np.ndarray, start_m: np.ndarray) -> np.ndarray:
     """What scipy finds without the Jacobian, started from the true place."""
     joints = list(PAIRS.values())
 
@@ -62,9 +60,8 @@ def by_differences(
         image_px = project_cam(joints_m[joints] + place_m, INTRINSICS_PX)
         return (np.sqrt(points[joints, 2:]) * (image_px - points[joints, :2])).ravel()
 
-    found = least_squares(
-        residuals, start_m, loss="huber", f_scale=robust_px, ftol=1e-12, xtol=1e-12, gtol=1e-12
-    )
+    exact = {"ftol": 1e-12, "xtol": 1e-12, "gtol": 1e-12}
+    found = least_squares(residuals, start_m, loss="huber", f_scale=CONFIG.robust_px, **exact)
     return np.asarray(found.x)
 
 
@@ -72,7 +69,7 @@ def by_differences(
 def test_noisy_points_give_the_least_reprojection_error(small_body, seed):
     joints_m, points, pelvis_m = seen(small_body, seed, noise_px=2.0)
     found_m = place(joints_m, points, INTRINSICS_PX, CONFIG)
-    expected_m = by_differences(joints_m, points, pelvis_m, CONFIG.robust_px)
+    expected_m = by_differences(joints_m, points, pelvis_m)
     np.testing.assert_allclose(found_m, expected_m, atol=1e-4)
     assert found_m is not None and np.linalg.norm(found_m - pelvis_m) < 0.4
 
@@ -91,7 +88,7 @@ def test_one_wild_joint_moves_it_less_than_without_huber(small_body, seed):
     joints_m, points, pelvis_m = seen(small_body, seed)
     points[PAIRS[4], :2] += [300.0, -200.0]
     robust_m = place(joints_m, points, INTRINSICS_PX, CONFIG)
-    expected_m = by_differences(joints_m, points, pelvis_m, CONFIG.robust_px)
+    expected_m = by_differences(joints_m, points, pelvis_m)
     np.testing.assert_allclose(robust_m, expected_m, atol=1e-4)
     plain_m = place(joints_m, points, INTRINSICS_PX, PlacementConfig(robust_px=1e6))
     assert robust_m is not None and plain_m is not None

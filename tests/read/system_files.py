@@ -65,10 +65,10 @@ def pose_of(roots: np.ndarray, motion: Motion) -> np.ndarray:
     return np.concatenate([rotvecs(roots), rotvecs(motion.local_rotmats)], axis=1)
 
 
-def padded_betas(motion: Motion, n_betas: int = N_BETAS) -> np.ndarray:
-    """(T, n_betas) the motion's shape in each row."""
-    shape = motion.shape[:n_betas]
-    return np.tile(np.pad(shape, (0, n_betas - len(shape))), (motion.n_frames, 1))
+def padded_betas(motion: Motion) -> np.ndarray:
+    """(T, N_BETAS) the motion's shape in each row."""
+    shape = motion.shape[:N_BETAS]
+    return np.tile(np.pad(shape, (0, N_BETAS - len(shape))), (motion.n_frames, 1))
 
 
 def some_poses(n_frames: int, n_joints: int = 24, seed: int = 0) -> np.ndarray:
@@ -476,11 +476,9 @@ def write_tram(
     return _tram(folder, [track], world_from_cam, 1000.0, centre_px)
 
 
-def write_seen_tram(
-    folder: Path, seen: Sequence[Seen], n_frames: int, focal_factor: float = 1.1
-) -> Path:
-    """A track for each; TRAM's own focal length is off by a factor."""
-    focal_px = focal_factor * float(seen[0].intrinsics_px[0, 0])
+def write_seen_tram(folder: Path, seen: Sequence[Seen], n_frames: int) -> Path:
+    """A track for each; TRAM's own focal length is off by a tenth."""
+    focal_px = 1.1 * float(seen[0].intrinsics_px[0, 0])
     centre_px, tracks = np.divide(seen[0].size_px, 2), []
     for one in seen:
         n = len(one.frames)

@@ -159,13 +159,13 @@ def test_gender_stands_in_the_name_of_file_or_folder(official, tmp_path, file, n
         load_body(str(path.rename(tmp_path / "model.npz")))
 
 
-def few_vertices(model: dict[str, Any], count: int = 200) -> dict[str, Any]:
-    """A part of SMPL's arrays, which fit together as the whole does."""
-    regressor = np.random.default_rng(3).dirichlet(np.ones(count), 24)
+def few_vertices(model: dict[str, Any]) -> dict[str, Any]:
+    """200 vertices of SMPL's arrays, which fit together as the whole does."""
+    regressor = np.random.default_rng(3).dirichlet(np.ones(200), 24)
     by_vertex = {
-        key: model[key][:count] for key in ("v_template", "shapedirs", "posedirs", "weights")
+        key: model[key][:200] for key in ("v_template", "shapedirs", "posedirs", "weights")
     }
-    return model | by_vertex | {"J_regressor": regressor, "f": model["f"] % count}
+    return model | by_vertex | {"J_regressor": regressor, "f": model["f"] % 200}
 
 
 def with_fingers(model: dict[str, Any]) -> dict[str, Any]:

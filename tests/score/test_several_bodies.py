@@ -34,15 +34,15 @@ CONFIG = TrainConfig(
 FEW = ScoreConfig(resamples=100)
 
 
-def amass_arrays(gender: str, n_frames: int = 40) -> dict[str, Any]:
+def amass_arrays(gender: str) -> dict[str, Any]:
     rng = np.random.default_rng(GENDERS.index(gender))
-    poses = np.zeros((n_frames, 52, 3))
+    poses = np.zeros((40, 52, 3))
     start, speed = rng.normal(0, 0.2, (2, 24, 3))
-    poses[:, [*range(22), 22, 37]] = start + np.linspace(0, 1, n_frames)[:, None, None] * speed
+    poses[:, [*range(22), 22, 37]] = start + np.linspace(0, 1, 40)[:, None, None] * speed
     poses[:, 0, 0] += np.pi / 2
     return {
-        "poses": poses.reshape(n_frames, 156),
-        "trans": np.linspace([0.1, 0.2, 0.9], [0.5, 0.4, 0.95], n_frames),
+        "poses": poses.reshape(40, 156),
+        "trans": np.linspace([0.1, 0.2, 0.9], [0.5, 0.4, 0.95], 40),
         "betas": rng.normal(0, 0.7, 16),
         "gender": gender,
         "mocap_framerate": 60.0,

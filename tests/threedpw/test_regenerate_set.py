@@ -256,7 +256,7 @@ def test_without_a_reconstruction_other_masks_are_tried(copied_set, tmp_path):
         regenerate_set(copied_set.recipe(sequence=sequence), copied_set.root, tmp_path / "both")
 
 
-def test_a_decision_on_a_sequence_that_is_not_there_is_named(filmed_set, tmp_path, capsys):
+def test_a_decision_on_a_sequence_that_is_not_there_is_named(filmed_set, capsys):
     overrides = {"arc_0": {"verdict": "rejected", "because": "drifts"}}
     recipe = filmed_set.recipe(overrides=overrides, sequences=["nobody"])
     regenerate._require_fitting(recipe, filmed_set.root, 1)

@@ -81,7 +81,7 @@ def test_the_t_pose_is_found_from_any_other(seed, small_body):
     np.testing.assert_allclose(found_m[0], t_joints_m + offsets_m, atol=1e-9)
 
 
-def test_symmetric_takes_the_mean_of_both_sides(small_body):
+def test_symmetric_takes_the_mean_of_both_sides():
     rng = np.random.default_rng(0)
     even = symmetric(rng.normal(size=(2, 28, 3)))
     flip = np.array([-1.0, 1.0, 1.0])

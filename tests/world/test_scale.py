@@ -392,9 +392,9 @@ def reconstructed(path: CameraPath, points_m: np.ndarray) -> tuple[CameraPath, n
     return replace(path, world_from_cam=moved), apply(WORLD, points_m) / UNIT_M
 
 
-def scenery(motion: Motion, noise_m: float, n_ground: int, seed: int = 0) -> np.ndarray:
+def scenery(motion: Motion, noise_m: float, n_ground: int) -> np.ndarray:
     """Points of a floor round the person's path, of a table beside it and of a wall."""
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     middle = motion.pelvis_m.mean(axis=0) * [1, 1, 0]
     floor = np.c_[rng.uniform(-6, 6, (n_ground, 2)), np.zeros(n_ground)]
     table = np.c_[rng.uniform([0.5, 0.5], [1.5, 1.5], (60, 2)), np.full(60, 0.35)]

@@ -389,7 +389,7 @@ def test_interpolated_frames_have_no_inliers_of_their_own(clip):
     assert judged(clip, good_quality(N, **figures)).kept.all()
 
 
-def test_images_out_of_order_say_so(clip):
+def test_images_out_of_order_say_so():
     order = np.random.default_rng(0).permutation(N)
     slow = VerdictConfig(max_speed_m_per_s=3.0)
     for cameras in (circling(), circling() * [1.0, 1.0, 1.0, 0.0]):

@@ -62,9 +62,9 @@ def test_a_place_seen_again_and_again_keeps_as_many_as_once(times):
     assert stay < 40
 
 
-def matched(places: list[int], alike: int = 3, last: bool = False) -> Matches:
+def matched(places: list[int], last: bool = False) -> Matches:
     """Matches of keyframes at places along a row of points: with those near in time, and further
-    before with those that see most of the same, the first or the `last` of these."""
+    before with the three that see most of the same, the first or the `last` of these."""
     step = 10
     points = [set(range(place * step, place * step + 100)) for place in places]
     pairs = []
@@ -72,7 +72,7 @@ def matched(places: list[int], alike: int = 3, last: bool = False) -> Matches:
         near = {row - 2**power for power in range(CONFIG.near_overlap)}
         far = range(max(0, row - max(2**power for power in range(CONFIG.near_overlap))))
         in_order = reversed(far) if last else far
-        most = sorted(in_order, key=lambda other: -len(seen & points[other]))[:alike]
+        most = sorted(in_order, key=lambda other: -len(seen & points[other]))[:3]
         for other in sorted({*near, *most}):
             if other >= 0 and (common := sorted(seen & points[other])):
                 at = [[p - places[of] * step for of in (other, row)] for p in common]

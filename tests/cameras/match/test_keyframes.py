@@ -99,7 +99,7 @@ def test_keyframes_come_as_fast_as_the_background_moves(tmp_path):
     assert choose_keyframes(given(still), more).rows.tolist() == list(range(12))
 
 
-def points_seen(intrinsics_px: np.ndarray, place: list[float], turn_deg: float) -> np.ndarray:
+def points_seen(place: list[float], turn_deg: float) -> np.ndarray:
     """100 points 2 m away and 300 points 50 m away, in a camera that has moved and turned [px]."""
     rng = np.random.default_rng(0)
     near = rng.uniform([-0.8, -0.5, 2.0], [0.8, 0.5, 2.2], (100, 3))
@@ -107,14 +107,14 @@ def points_seen(intrinsics_px: np.ndarray, place: list[float], turn_deg: float) 
     camera = np.eye(4)
     camera[:3, :3] = cv2.Rodrigues(np.deg2rad([0.0, turn_deg, 0.0]))[0]
     camera[:3, 3] = place
-    return project(camera, np.concatenate([near, far]), intrinsics_px)
+    return project(camera, np.concatenate([near, far]), INTRINSICS_PX)
 
 
 def test_parallax_is_what_a_turn_leaves_and_a_walking_person_has_none():
-    start_px = points_seen(INTRINSICS_PX, [0.0, 0.0, 0.0], 0.0)
-    turned_px = points_seen(INTRINSICS_PX, [0.0, 0.0, 0.0], 5.0)
+    start_px = points_seen([0.0, 0.0, 0.0], 0.0)
+    turned_px = points_seen([0.0, 0.0, 0.0], 5.0)
     assert parallax_px(start_px, turned_px, INTRINSICS_PX).max() < 0.01
-    moved_px = points_seen(INTRINSICS_PX, [0.1, 0.0, 0.0], 5.0)
+    moved_px = points_seen([0.1, 0.0, 0.0], 5.0)
     parallax = parallax_px(start_px, moved_px, INTRINSICS_PX)
     # 0.1 m before 2.1 m is 10.5 px, before 55 m 0.4 px.
     assert np.median(parallax[:100]) == pytest.approx(10.5, abs=0.8)
