@@ -231,7 +231,7 @@ from contextlib import nullcontext
 from pathlib import Path
 from gmrdata.stage import store
 from gmrdata.values.files import write_text
-root, host, resumable, wait_s = Path(sys.argv[1]), sys.argv[2], sys.argv[3] == "True", sys.argv[4]
+root, host, resumable = Path(sys.argv[1]), sys.argv[2], sys.argv[3] == "True"
 store.locked = lambda _: nullcontext(True)  # as on a disk whose locks reach one machine
 store.host_word = lambda: host * 12
 def work(partial):
@@ -239,7 +239,8 @@ def work(partial):
         (root / f"{host}_at_{name}").touch()
         if not (partial / name).exists():
             write_text(partial / name, name)
-        time.sleep(float(wait_s))
+        while host == "a" and name == "b" and not (root / "b_ended").exists():
+            time.sleep(0.01)
     (root / f"{host}_worked").touch()
 work = store.Resumable(work) if resumable else work
 store.run_stage("test", root / "out", store.Config(), {}, work)
@@ -250,13 +251,13 @@ store.run_stage("test", root / "out", store.Config(), {}, work)
 def test_two_machines_that_make_the_same_stage_leave_one_whole_folder(resumable, tmp_path):
     """The first is slow, as one that was cut off; the second begins and ends in between."""
     slow, quick = (
-        [sys.executable, "-c", MAKES, str(tmp_path), host, str(resumable), wait_s]
-        for host, wait_s in (("a", "1.0"), ("b", "0.05"))
+        [sys.executable, "-c", MAKES, str(tmp_path), host, str(resumable)] for host in "ab"
     )
     first = subprocess.Popen(slow)
     wait_for(tmp_path / "a_at_b", first)
     assert subprocess.run(quick, check=False).returncode == 0
     assert not (tmp_path / "a_worked").exists()
+    (tmp_path / "b_ended").touch()
     assert first.wait(timeout=30) == 0
     made = {path.name: path.read_bytes() for path in (tmp_path / "out").iterdir()}
     del made["stage.json"]
