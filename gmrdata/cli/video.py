@@ -40,10 +40,10 @@ def masks(
 
     flags.need(masks, "a source of masks: --masks onnx")
     config = masks_named(masks, **vars(networks))
-    network_files(config)  # what lacks is said before frames are taken
     drawn = any(isinstance(one, SilhouetteSource) for one in config.sources)
     if camera_body is not None and not drawn:
         raise BadRecipe("--camera-body is for silhouette, which is not named")
+    network_files(config)  # what lacks is said before frames are taken
     people = () if camera_body is None else flags.one_person(camera_body, body)
     if dry_run:
         _show_stages(frames, part, ("frames", "masks"))

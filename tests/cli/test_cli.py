@@ -420,7 +420,8 @@ def test_no_text_of_others_commands_the_terminal(tmp_path):
     """Colours and worse of a note were obeyed; letters that an encoding lacks ended it."""
     path = tmp_path / "list.yaml"
     path.write_text(re.sub("note: .*", r'note: "a\\e[31m\\u8d70"', LISTED.read_text()))
-    answer = in_a_process("manifest", "show", path, env=os.environ | {"PYTHONIOENCODING": "ascii"})
+    wide = os.environ | {"PYTHONIOENCODING": "ascii", "COLUMNS": "200"}
+    answer = in_a_process("manifest", "show", path, env=wide)
     assert (answer.returncode, answer.stderr) == (0, "")
     assert r"a\x1b[31m\u8d70" in answer.stdout and "\x1b" not in answer.stdout
 
