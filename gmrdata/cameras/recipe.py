@@ -178,12 +178,12 @@ class DissolveConfig(Config):
     """Keyframes from one side to the other."""
     few_cross: float = Field(default=0.2, ge=0, le=1)
     """Share of the tracks that go on over so many, beside the clip's median, below which two places
-    have nothing in common but wrong matches, or a logo; in clips of one place it is above 0.5."""
+    have nothing in common but wrong matches, or a logo; in clips of one place it is above 0.3."""
     fewest_usually: int = Field(default=20, ge=1)
     """Tracks that would go on by that median: of fewer it is chance how many do."""
-    most_moved: float = Field(default=0.5, ge=0, le=1)
-    """Way of the picture's content meanwhile, in its shorter sides, above which it may have left
-    the picture by itself."""
+    most_moved: float = Field(default=0.33, ge=0, le=1)
+    """Way of the picture's content meanwhile, in its shorter sides: of more, tracks end by
+    themselves."""
 
 
 class SfmConfig(Config):

@@ -73,15 +73,12 @@ def test_of_two_cameras_that_travel_one_is_taken(film, tmp_path):
         solved(pictures, filmed.lens, tmp_path / "strict", strict)
 
 
-def matched(lives: Sequence[tuple[int, int]], n_keys: int, step_px: float) -> Matches:
-    """Matches of neighbours, of points that are seen from one keyframe up to another and move by so
-    much from each to the next."""
-    seen = [
-        [n for n, (first, stop) in enumerate(lives) if first <= key < stop] for key in range(n_keys)
-    ]
+def matched(lives: Sequence[tuple[int, int]], at_px: np.ndarray) -> Matches:
+    """Matches of neighbours, of points that are seen from one keyframe up to another, in a picture
+    that lies at these places (K,) along x."""
+    seen = [[n for n, one in enumerate(lives) if key in range(*one)] for key in range(len(at_px))]
     points = [
-        np.array([[step_px * key + n % 50, n / 10] for n in of]).reshape(-1, 2)
-        for key, of in enumerate(seen)
+        np.array([[x + n % 50, n / 10] for n in of]) for x, of in zip(at_px, seen, strict=True)
     ]
     both = [np.array([(a.index(n), b.index(n)) for n in a if n in b]) for a, b in pairwise(seen)]
     pairs = [PairMatches(k, k + 1, one, "CALIBRATED") for k, one in enumerate(both) if len(one)]
@@ -89,19 +86,18 @@ def matched(lives: Sequence[tuple[int, int]], n_keys: int, step_px: float) -> Ma
 
 
 @pytest.mark.parametrize(
-    ("first_of_second_place", "last_of_first", "step_px", "after"),
+    ("second_from", "first_until", "fast", "after"),
     [
-        pytest.param(9, 12, 2.0, 10, id="three keyframes show both places"),
-        pytest.param(12, 12, 2.0, None, id="a cut has no matches"),
-        pytest.param(9, 12, 60.0, None, id="the camera whips round"),
-        pytest.param(24, 12, 2.0, None, id="one place"),
+        pytest.param(9, 12, 1, 10, id="three keyframes show both places"),
+        pytest.param(12, 12, 1, None, id="a cut has no matches"),
+        pytest.param(9, 12, 30, None, id="the camera whips round"),
+        pytest.param(24, 24, 30, None, id="one place"),
     ],
 )
-def test_a_dissolve_is_where_no_track_crosses(first_of_second_place, last_of_first, step_px, after):
-    early = [(first, first + 12) for first in range(-11, 24) for _ in range(6)]
-    if first_of_second_place < 24:
-        late = [(max(first, first_of_second_place), stop) for first, stop in early]
-        early = [(first, min(stop, last_of_first)) for first, stop in early] + late
-    lives = [(max(first, 0), min(stop, 24)) for first, stop in early if stop > max(first, 0) + 1]
-    found = dissolve_after(matched(lives, 24, step_px), (320, 240), SfmConfig().dissolve)
-    assert found == after
+def test_a_dissolve_is_where_no_track_crosses(second_from, first_until, fast, after):
+    lives = [(first, first + 12) for first in range(-11, 24) for _ in range(6)]
+    early = [(max(first, 0), min(stop, first_until)) for first, stop in lives]
+    late = [(max(first, second_from), min(stop, 24)) for first, stop in lives]
+    steps_px = np.where(np.abs(np.arange(23) - 10) <= 2, fast, 1) * 2.0
+    matches = matched([*early, *late], np.cumsum([0.0, *steps_px]))
+    assert dissolve_after(matches, (320, 240), SfmConfig().dissolve) == after
