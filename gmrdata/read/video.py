@@ -275,8 +275,8 @@ def _extract(path: Path, out_dir: Path, config: VideoConfig) -> VideoRecord:
             size_px = (image.shape[1], image.shape[0])
             _require_in_budget(path, len(numbers) + 1, size_px)
             numbers.append(number)
-            before, small = small, image[::8, ::8].astype(np.int16)
-            changes += [] if before is None else [float(np.abs(small - before).mean())]
+            before, small = small, _thinned(image)
+            changes += [] if before is None else [_change(before, small)]
         n_expected = _count_expected(container, stream, reading)
         _require_whole(path, n_expected, reading, config)
         _require_several(path, len(numbers), reading)
@@ -302,11 +302,22 @@ def _extract(path: Path, out_dir: Path, config: VideoConfig) -> VideoRecord:
 
 def changes_between(paths: Sequence[Path]) -> np.ndarray:
     """(N-1,) mean change of brightness from each of N images to the next."""
-    small = made_ahead(lambda path: read_gray(path)[::8, ::8].astype(np.int16), paths)
-    return np.array([np.abs(after - before).mean() for before, after in pairwise(small)])
+    small = made_ahead(lambda path: _thinned(read_gray(path)), paths)
+    return np.array([_change(before, after) for before, after in pairwise(small)])
+
+
+def _thinned(image: np.ndarray) -> np.ndarray:
+    """Every eighth pixel of every eighth row, whose differences may be negative."""
+    return image[::8, ::8].astype(np.int16)
+
+
+def _change(before: np.ndarray, after: np.ndarray) -> float:
+    return float(np.abs(after - before).mean())
 
 
 def say_repeats(source: Path, changes: np.ndarray, numbers: Sequence[int]) -> None:
+    """Remark on frames that repeat the one before, by mean changes (N-1,) between those that are
+    taken, and their numbers."""
     if repeats := _said_of_repeats(changes, numbers):
         remark(f"{source}: {repeats}")
 

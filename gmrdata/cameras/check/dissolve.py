@@ -19,11 +19,11 @@ def dissolve_after(
 ) -> int | None:
     """The keyframe of K in the middle of the first dissolve, by their matches; None where there is
     none."""
-    first, last = _lives(matches)
-    at, steps = _lasting(first, last, 0, matches), _steps(matches, size_px)
+    lives, steps = _lives(matches), _steps(matches, size_px)
+    at = _lasting(lives, 0, len(steps) + 1)
     for span in (one for one in config.spans if one <= len(steps)):
         fewer = np.minimum(at[:-span], at[span:])
-        crossing = _lasting(first, last, span, matches)[:-span] / np.maximum(fewer, 1)
+        crossing = _lasting(lives, span, len(at))[:-span] / np.maximum(fewer, 1)
         usual = np.median(crossing)
         near = sliding_window_view(steps, span).sum(axis=1) <= config.most_moved
         telling = near & (usual * fewer >= config.fewest_usually)
@@ -49,9 +49,10 @@ def _lives(matches: Matches) -> tuple[np.ndarray, np.ndarray]:
     return first[several], last[several]
 
 
-def _lasting(first: np.ndarray, last: np.ndarray, span: int, matches: Matches) -> np.ndarray:
+def _lasting(lives: tuple[np.ndarray, np.ndarray], span: int, n_keys: int) -> np.ndarray:
     """(K,) how many tracks go on from each keyframe to the one so many later."""
-    n_keys, long = len(matches.keypoints_px), last - first >= span
+    first, last = lives
+    long = last - first >= span
     begin = np.bincount(first[long], minlength=n_keys + 1)
     end = np.bincount(last[long] - span + 1, minlength=n_keys + 1)
     return np.cumsum(begin - end)[:n_keys]
