@@ -4,8 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from gmrdata.manifest.current import CameraMotion, Manifest, Quality, Source
-from gmrdata.manifest.current import Clip as ClipEntry
+from gmrdata.manifest.current import CameraMotion, ClipEntry, Manifest, Quality, Source
 from gmrdata.manifest.read import read_manifest
 from gmrdata.manifest.write import ClipAbout, ClipFiles, ManifestHead, clip_entry, write_manifest
 from gmrdata.values.body import BodyModel

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from gmrdata.gmr import runs
-from gmrdata.manifest.current import Clip as ClipEntry
+from gmrdata.manifest.current import ClipEntry
 from gmrdata.manifest.read import load_entry
 from gmrdata.values.clip import Clip
 

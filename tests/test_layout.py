@@ -1,6 +1,7 @@
 """The layout: folders import in one order, bottom up, and the root holds two files."""
 
 import ast
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -87,6 +88,17 @@ def test_no_circle_of_files():
     while done := {name for name, imports in left.items() if not imports & left.keys()}:
         left = {name: imports for name, imports in left.items() if name not in done}
     assert not left
+
+
+def test_no_two_classes_have_one_name():
+    files = [*PACKAGE.glob("**/*.py"), *(REPOSITORY / "blender").glob("**/*.py")]
+    names = [
+        node.name
+        for path in files
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.ClassDef)
+    ]
+    assert [name for name, n in Counter(names).items() if n > 1] == []
 
 
 def test_pages_are_imported_by_the_command_line_alone():

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from gmrdata.manifest.check import check_manifest
-from gmrdata.manifest.current import Clip
+from gmrdata.manifest.current import ClipEntry
 from gmrdata.manifest.read import read_manifest
 from gmrdata.manifest.write import ManifestHead, write_manifest
 
@@ -17,8 +17,8 @@ N = (1000, 10_000, 100_000)  # clips
 HEAD = ManifestHead(name="many", version="1.0.0", description="d", kind="motions", licence="l")
 
 
-def _clip(number: int) -> Clip:
-    return Clip.model_validate({
+def _clip(number: int) -> ClipEntry:
+    return ClipEntry.model_validate({
         "id": f"c{number:06d}", "body": "anny", "fps_hz": 120.0, "n_frames": 400, "frame": "world",
         "licence": "CMU Graphics Lab Motion Capture Database: free for all uses, may not be resold",
         "source": {"dataset": "CMU", "sequence": "06_04"}, "translation_of": "smpl_transl",

@@ -7,7 +7,7 @@ import numpy as np
 from sfm.breakages import BREAKAGES, Breakage, Broken
 from sfm.ours import Regenerated, regenerate
 
-from gmrdata.manifest.current import Clip as ClipEntry
+from gmrdata.manifest.current import ClipEntry
 from gmrdata.read.threedpw_files import SequenceFiles, read_sequence_file
 
 WHITE = "masked_everywhere"

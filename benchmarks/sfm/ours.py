@@ -5,8 +5,7 @@ from pathlib import Path
 
 from render.timing import run_python
 
-from gmrdata.manifest.current import Clip as ClipEntry
-from gmrdata.manifest.current import Manifest
+from gmrdata.manifest.current import ClipEntry, Manifest
 from gmrdata.manifest.read import load_entry, read_manifest
 from gmrdata.people.sources import masks_seconds
 from gmrdata.stage.store import stage_seconds

@@ -9,7 +9,7 @@ import bpy
 import numpy as np
 
 from blender.light import Light
-from blender.people.rigged_import import Imported, Part, carrier, imported, join
+from blender.people.rigged_import import CharacterPart, Imported, carrier, imported, join
 from blender.people.rigged_pose import (
     HIPS,
     RestPose,
@@ -81,7 +81,7 @@ def bring_in(
         names, parents = puppet.bone_names, puppet.bone_parents
         bones = find_bones(names, parents, character.joint_map, path)
         weights = _weights(puppet, joint_of_bone(bones, parents))
-        parts = [Part(thing, _evaluated(thing)) for thing in puppet.meshes]
+        parts = [CharacterPart(thing, _evaluated(thing)) for thing in puppet.meshes]
         mesh = join(name, parts, path, light)
         joints_m, vertices_m, scale = _driven(
             puppet, bones, weights, body, motion, keep_size=character.scale == "keep"

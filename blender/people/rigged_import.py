@@ -200,7 +200,7 @@ ACTIVE_UV = "active"
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
+class CharacterPart:
     """One object of a character, in a pose."""
 
     object: Any
@@ -209,7 +209,7 @@ class Part:
     """Its evaluated bpy mesh."""
 
 
-def join(name: str, parts: Sequence[Part], path: Path, light: Light) -> Any:
+def join(name: str, parts: Sequence[CharacterPart], path: Path, light: Light) -> Any:
     """One bpy mesh of all parts, vertices and faces one part after another.
 
     Args:
@@ -257,7 +257,7 @@ def _take(items: Any, key: str, width: int, kind: Any = np.float32) -> np.ndarra
     return values.reshape(-1, width)
 
 
-def _add_pictures_places(whole: Any, parts: Sequence[Part]) -> None:
+def _add_pictures_places(whole: Any, parts: Sequence[CharacterPart]) -> None:
     """UV layers by name, after one that holds each part's active one."""
     names = sorted({layer.name for part in parts for layer in part.mesh.uv_layers})
     if not names:
@@ -274,7 +274,7 @@ def _add_pictures_places(whole: Any, parts: Sequence[Part]) -> None:
     whole.uv_layers[ACTIVE_UV].active_render = True
 
 
-def _add_colours(whole: Any, parts: Sequence[Part]) -> None:
+def _add_colours(whole: Any, parts: Sequence[CharacterPart]) -> None:
     """Colour attributes by name, per corner; white where a part has none."""
     for name in sorted({colour.name for part in parts for colour in part.mesh.color_attributes}):
         values = []
@@ -291,7 +291,7 @@ def _add_colours(whole: Any, parts: Sequence[Part]) -> None:
         layer.data.foreach_set("color", np.concatenate(values).ravel())
 
 
-def _add_materials(whole: Any, parts: Sequence[Part], path: Path, light: Light) -> None:
+def _add_materials(whole: Any, parts: Sequence[CharacterPart], path: Path, light: Light) -> None:
     """Each face's material, repainted."""
     number_of: dict[str, int] = {}
     numbers = []

@@ -26,7 +26,7 @@ class FeaturesConfig(Config):
     """Median of the features outside masks below which weak ones are taken too."""
 
 
-class MasksConfig(Config):
+class BehindMasksConfig(Config):
     """When background inside masks comes back."""
 
     hardly_matched: int = Field(default=50, ge=0)
@@ -264,7 +264,7 @@ class SfmConfig(Config):
     featureless_corners: int = Field(default=8, ge=0)
     """Corners below which a frame shows nothing of the background."""
     features: FeaturesConfig = FeaturesConfig()
-    masks: MasksConfig = MasksConfig()
+    masks: BehindMasksConfig = BehindMasksConfig()
     mapping: MappingConfig = MappingConfig()
     joining: JoiningConfig = JoiningConfig()
     distortion: DistortionConfig = DistortionConfig()

@@ -12,8 +12,7 @@ from gmrdata.cli.demo_recipe import FPS_HZ, DemoClip, DemoPaths, DemoRecipe, Mot
 from gmrdata.film.programmes import Film, film_motion, plan_clip
 from gmrdata.film.render import RenderJob, optional_outputs
 from gmrdata.film.render_set import render_clips
-from gmrdata.manifest.current import Clip as ClipEntry
-from gmrdata.manifest.current import Quality, Source
+from gmrdata.manifest.current import ClipEntry, Quality, Source
 from gmrdata.manifest.write import (
     ClipAbout,
     ClipFiles,

@@ -112,18 +112,18 @@ def _clip_report(paths: DemoPaths, clip: DemoClip, body: BodyModel, gmr: Trained
         images_dir=files.frames_dir,
         masks_dir=files.masks_dir,
         body=body,
-        figures=report_data.ClipFigures.of(error, true.motion.n_frames),
+        figures=report_data.ClipAccuracy.of(error, true.motion.n_frames),
         quality=_quality(files.pseudo_gt_dir),
         figures_fps_hz=FPS_HZ,
         predicted=predicted,
     )
 
 
-def _quality(pseudo_gt_dir: Path) -> report_data.Quality:
+def _quality(pseudo_gt_dir: Path) -> report_data.ReconstructionQuality:
     record = load_record(pseudo_gt_dir)
     if record.cameras is None:
         raise BadRecord(f"{pseudo_gt_dir}: says of no reconstruction, so there is none to draw")
-    return report_data.Quality(
+    return report_data.ReconstructionQuality(
         geometry=record.cameras.geometry,
         scale=record.scale,
         scale_sigma=record.scale_sigma,

@@ -24,7 +24,7 @@ from gmrdata.values.limits import allowed_cores, machine_bytes
 State = Literal["there", "missing", "broken"]
 
 
-class Part(NamedTuple):
+class Finding(NamedTuple):
     """One row of what was found."""
 
     subject: str
@@ -37,7 +37,7 @@ class Part(NamedTuple):
     required: bool = False
 
 
-class Extra(NamedTuple):
+class OptionalPackage(NamedTuple):
     """An optional dependency of pyproject.toml."""
 
     package: str
@@ -46,10 +46,12 @@ class Extra(NamedTuple):
 
 
 EXTRAS = {
-    "maskrcnn": Extra("torchvision", "torchvision", "masks by Mask R-CNN: --masks maskrcnn"),
-    "tensorboard": Extra("tensorboard", "tensorboard", "event files of trainings"),
-    "export": Extra("usd-core", "pxr.Usd", "USD scenes: export --to usd"),
-    "view": Extra("rerun-sdk", "rerun", "recordings for rerun's viewer: export --to rrd"),
+    "maskrcnn": OptionalPackage(
+        "torchvision", "torchvision", "masks by Mask R-CNN: --masks maskrcnn"
+    ),
+    "tensorboard": OptionalPackage("tensorboard", "tensorboard", "event files of trainings"),
+    "export": OptionalPackage("usd-core", "pxr.Usd", "USD scenes: export --to usd"),
+    "view": OptionalPackage("rerun-sdk", "rerun", "recordings for rerun's viewer: export --to rrd"),
 }
 LOADED = ("scipy.spatial", "cv2", "av", "pycolmap", "ai_edge_litert.interpreter", "torch")
 """Required modules with libraries of their own, which may be there and still not load."""
@@ -95,7 +97,7 @@ def doctor(as_json: AsJson = False) -> None:
         answer("All that gmrdata needs is there.")
 
 
-def find_parts() -> list[Part]:
+def find_parts() -> list[Finding]:
     """All parts, in the order of the table.  What takes long to load does so side by side."""
     blender = _start_blender()
     extras = (one.module for one in EXTRAS.values() if _version(one.package) is not None)
@@ -108,7 +110,7 @@ def find_parts() -> list[Part]:
     return [
         *packages,
         *(
-            Part("packages", name, "broken", why, required=True)
+            Finding("packages", name, "broken", why, required=True)
             for name in LOADED
             if (why := loaded[0].get(name))
         ),
@@ -154,13 +156,13 @@ def _end(process: subprocess.Popen[str]) -> tuple[str, str]:
     return "", (errors.strip().splitlines() or [f"ended with exit code {process.returncode}"])[-1]
 
 
-def _packages() -> Iterator[Part]:
+def _packages() -> Iterator[Finding]:
     """gmrdata, python and what pyproject.toml asks for, as this gmrdata was installed."""
     # Not a dependency by name, but dask and matplotlib can't be without it.
     from packaging.requirements import Requirement
 
-    yield Part("python", "gmrdata", "there", __version__, required=True)
-    yield Part("python", "python", "there", platform.python_version(), required=True)
+    yield Finding("python", "gmrdata", "there", __version__, required=True)
+    yield Finding("python", "python", "there", platform.python_version(), required=True)
     for line in metadata.requires("gmrdata") or ():
         wanted = Requirement(line)
         if wanted.marker is not None and not wanted.marker.evaluate({"extra": ""}):
@@ -169,7 +171,7 @@ def _packages() -> Iterator[Part]:
         good = found is not None and wanted.specifier.contains(found, prereleases=True)
         state: State = "there" if good else "missing" if found is None else "broken"
         note = "" if good else f"pip install '{wanted.name}{wanted.specifier}'"
-        yield Part("packages", wanted.name, state, found or "", note, required=True)
+        yield Finding("packages", wanted.name, state, found or "", note, required=True)
 
 
 def _version(package: str) -> str | None:
@@ -179,15 +181,15 @@ def _version(package: str) -> str | None:
         return None
 
 
-def _extras(loaded: Loaded) -> Iterator[Part]:
+def _extras(loaded: Loaded) -> Iterator[Finding]:
     for name, extra in EXTRAS.items():
         found, why_not = _version(extra.package), loaded[0].get(extra.module) or ""
         if found is None:
             note = f"{extra.enables}. pip install {extra.package}"
-            yield Part("extras", name, "missing", "", note)
+            yield Finding("extras", name, "missing", "", note)
         else:
             state: State = "broken" if why_not else "there"
-            yield Part("extras", name, state, f"{extra.package} {found}", why_not)
+            yield Finding("extras", name, state, f"{extra.package} {found}", why_not)
 
 
 def _loaded(process: subprocess.Popen[str], names: Sequence[str]) -> Loaded:
@@ -217,15 +219,15 @@ def blender(
     answer(f"Blender {part.found}: {part.note}")
 
 
-def blender_part() -> Part:
+def blender_part() -> Finding:
     """Blender's environment: its versions, or what is missing and the command that gets it."""
     return _blender(_start_blender())
 
 
-def _blender(process: subprocess.Popen[str] | BlenderMissing) -> Part:
+def _blender(process: subprocess.Popen[str] | BlenderMissing) -> Finding:
     what = "render, threedpw twin, floor and demo"
     if isinstance(process, BlenderMissing):
-        return Part("blender", "Blender", "missing", "", f"{what}. {process}", required=True)
+        return Finding("blender", "Blender", "missing", "", f"{what}. {process}", required=True)
     said, why_not = _end(process)
     if why_not:
         missing = environment.missing_system_libraries()
@@ -235,14 +237,14 @@ def _blender(process: subprocess.Popen[str] | BlenderMissing) -> Part:
         if missing:
             packages = " ".join(missing.values())
             remedy = f"apt-get install --no-install-recommends {packages}"
-        return Part("blender", "Blender", "broken", why_not, f"{what}. {remedy}", required=True)
+        return Finding("blender", "Blender", "broken", why_not, f"{what}. {remedy}", required=True)
     versions = environment.versions_said([said])
     names = [f"{name} {found}" for name, found in versions.items() if name != "bpy"]
     note = f"{', '.join(names)} in {environment.blender_python()}"
-    return Part("blender", "Blender", "there", versions["bpy"], note, required=True)
+    return Finding("blender", "Blender", "there", versions["bpy"], note, required=True)
 
 
-def _models() -> Iterator[Part]:
+def _models() -> Iterator[Finding]:
     from gmrdata.read.models import MODELS, models_dir
     from gmrdata.values.files import sha256_of_file
 
@@ -250,41 +252,41 @@ def _models() -> Iterator[Part]:
         path = models_dir() / model.name
         if not path.is_file():
             note = "people of video; masks --masks onnx person. `gmrdata fetch models` gets it"
-            yield Part("models", model.name, "missing", "", note)
+            yield Finding("models", model.name, "missing", "", note)
         elif sha256_of_file(path) != model.sha256:
             note = "not the published file. `gmrdata fetch models --redo` gets it anew"
-            yield Part("models", model.name, "broken", str(path), note)
+            yield Finding("models", model.name, "broken", str(path), note)
         else:
-            yield Part("models", model.name, "there", f"{path}, as published")
+            yield Finding("models", model.name, "there", f"{path}, as published")
 
 
-def _bodies() -> Iterator[Part]:
+def _bodies() -> Iterator[Finding]:
     why = "3DPW, AMASS and EMDB on their own people: --body FILE, from https://smpl.is.tue.mpg.de"
-    yield Part("bodies", "SMPL", "missing", "", f"never part of gmrdata. {why}")
+    yield Finding("bodies", "SMPL", "missing", "", f"never part of gmrdata. {why}")
 
 
-def _gpu(loaded: Loaded) -> Part:
+def _gpu(loaded: Loaded) -> Finding:
     if loaded[1]:
-        return Part("machine", "GPU", "there", ", ".join(loaded[1]))
+        return Finding("machine", "GPU", "there", ", ".join(loaded[1]))
     note = "training and inference with device: cuda, a torch built for CUDA and its driver"
-    return Part("machine", "GPU", "missing", "", note)
+    return Finding("machine", "GPU", "missing", "", note)
 
 
-def _machine() -> Iterator[Part]:
+def _machine() -> Iterator[Finding]:
     from gmrdata.read.models import cache_dir
 
-    yield Part("machine", "cores", "there", str(allowed_cores()))
+    yield Finding("machine", "cores", "there", str(allowed_cores()))
     memory_bytes = machine_bytes()
     size = "the system does not say" if memory_bytes is None else f"{memory_bytes / 2**30:.1f} GiB"
-    yield Part("machine", "memory", "there", size)
+    yield Finding("machine", "memory", "there", size)
     yield _disk("cache", cache_dir())
     yield _disk("current folder", Path.cwd())
 
 
-def _disk(name: str, folder: Path) -> Part:
+def _disk(name: str, folder: Path) -> Finding:
     """Free space of a folder, or of where it would be made, and whether it may be written to."""
     there = next(path for path in (folder, *folder.absolute().parents) if path.is_dir())
     found = f"{shutil.disk_usage(there).free / 2**30:.1f} GiB free in {folder}"
     if os.access(there, os.W_OK):
-        return Part("disk", name, "there", found)
-    return Part("disk", name, "broken", found, "may not be written to")
+        return Finding("disk", name, "there", found)
+    return Finding("disk", name, "broken", found, "may not be written to")

@@ -122,7 +122,7 @@ LandmarkNetwork = Annotated[
 
 
 @dataclass(frozen=True)
-class Networks:
+class NetworkOptions:
     """The networks that make masks and see people, and what they shall mask."""
 
     detector: Detector = None
@@ -132,17 +132,17 @@ class Networks:
     classes: tuple[str, ...] = ()
     """COCO's names of what to mask; people, vehicles and animals when left out."""
 
-    def absolute(self) -> "Networks":
+    def absolute(self) -> "NetworkOptions":
         """The same, for a worker that may run in another folder."""
         detector, landmark_network, maskrcnn = (
             file and file.absolute()
             for file in (self.detector, self.landmark_network, self.maskrcnn)
         )
-        return Networks(detector, landmark_network, maskrcnn, self.classes)
+        return NetworkOptions(detector, landmark_network, maskrcnn, self.classes)
 
 
-NetworkFlags = Annotated[Networks, OmitArgPrefixes]
-"""Flags of `Networks`, below the usual ones of a verb; give it no default."""
+NetworkFlags = Annotated[NetworkOptions, OmitArgPrefixes]
+"""Flags of `NetworkOptions`, below the usual ones of a verb; give it no default."""
 
 
 def _part(
@@ -178,7 +178,7 @@ FLAGS = LENS_FLAGS | {
 
 
 @dataclass(frozen=True)
-class Lens:
+class LensOptions:
     """The lens of all videos, as far as it is known; give one of the first three at most."""
 
     focal: float | None = None
@@ -192,7 +192,7 @@ class Lens:
 
 
 @dataclass(frozen=True)
-class Solving:
+class SolvingOptions:
     """How cameras and people are solved."""
 
     poses_every: int = 1
@@ -207,8 +207,8 @@ class Solving:
     """Seed of the reconstruction."""
 
 
-LensFlags = Annotated[Lens, OmitArgPrefixes]
-SolvingFlags = Annotated[Solving, OmitArgPrefixes]
+LensFlags = Annotated[LensOptions, OmitArgPrefixes]
+SolvingFlags = Annotated[SolvingOptions, OmitArgPrefixes]
 POSES = arg(help="Folder with <clip id>.npz: poses in the camera's frame, without translation.")
 KEYPOINTS = arg(help="Folder with <clip id>/ of OpenPose's or STAF's JSON, one file per frame.")
 FEATURES = arg(help="Folder with <clip id>.npz that hold image `features` (T, D), row by row.")

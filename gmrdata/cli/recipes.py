@@ -169,7 +169,7 @@ def _run_kind(path: Path, kind: str, out: Path, inputs: Inputs, run: Run, dry_ru
                 masks=(recipe,),
                 redo=run.redo,
                 part=None,
-                networks=flags.Networks(),
+                networks=flags.NetworkOptions(),
                 **given,
             )
         case "joint":

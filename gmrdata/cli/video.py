@@ -170,7 +170,7 @@ def video(
 
 
 def _solve_config(
-    masks: "MasksConfig | None", lens: flags.Lens, solving: flags.Solving
+    masks: "MasksConfig | None", lens: flags.LensOptions, solving: flags.SolvingOptions
 ) -> "SolveConfig":
     from gmrdata.cameras.lens.intrinsics import IntrinsicsConfig
     from gmrdata.cameras.recipe import SfmConfig
@@ -209,7 +209,7 @@ def _heights(said: tuple[str, ...]) -> dict[str, float] | None:
     return heights or None
 
 
-def _are_one(sources: Sequence[Path], solving: flags.Solving, run: Run) -> bool:
+def _are_one(sources: Sequence[Path], solving: flags.SolvingOptions, run: Run) -> bool:
     """Whether one video is meant; BadRecipe for flags that are for many."""
     from gmrdata.read.video_files import find_videos
 
@@ -293,7 +293,7 @@ def leave_files_and_page(out: Path, verdict: "VideoVerdict") -> Path:
 
 
 def _masks(
-    names: tuple[str, ...], networks: flags.Networks, poses: Path | None
+    names: tuple[str, ...], networks: flags.NetworkOptions, poses: Path | None
 ) -> "MasksConfig | None":
     """The sources of masks; None for the word none, where nothing moves."""
     from gmrdata.people.sources import masks_named, network_files
@@ -310,7 +310,7 @@ def _masks(
     return config
 
 
-def _lens(lens: flags.Lens) -> "GivenIntrinsics | None":
+def _lens(lens: flags.LensOptions) -> "GivenIntrinsics | None":
     """What a person said of the lens; BadRecipe for no lens, or for several."""
     from gmrdata.cameras.lens.intrinsics import GivenIntrinsics
 

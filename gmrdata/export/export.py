@@ -21,8 +21,8 @@ from gmrdata.export.formats import (
     write_background,
 )
 from gmrdata.export.sources import (
-    ClipFiles,
     ExportedClip,
+    UnreadClip,
     list_clips,
     load_exported,
     require_solved,
@@ -130,7 +130,7 @@ def export(
     paths = _apart([unit for _, units in plan for unit in units])
     _refuse_to_overwrite([] if redo or dry_run else paths)
     folders = (None if path is None else Path(path) for path in (images, truth))
-    return _export_clips(plan, _Given(body, *folders), options, dry_run)
+    return _export_clips(plan, _StandIns(body, *folders), options, dry_run)
 
 
 def _require_used(formats: Sequence[str], said: Mapping[str, object]) -> None:
@@ -150,8 +150,8 @@ def _require_used(formats: Sequence[str], said: Mapping[str, object]) -> None:
 
 
 def _export_clips(
-    plan: "Sequence[tuple[Sequence[ClipFiles], Sequence[Unit]]]",
-    given: "_Given",
+    plan: "Sequence[tuple[Sequence[UnreadClip], Sequence[Unit]]]",
+    given: "_StandIns",
     options: ExportOptions,
     dry_run: bool,
 ) -> list[Exported]:
@@ -165,7 +165,7 @@ def _export_clips(
     return results
 
 
-class _Given(NamedTuple):
+class _StandIns(NamedTuple):
     """What stands in place of what lies beside the clips."""
 
     body: str | None
@@ -173,16 +173,16 @@ class _Given(NamedTuple):
     truth: Path | None
 
 
-def _sequences(wanted: Sequence[ClipFiles]) -> list[list[ClipFiles]]:
+def _sequences(wanted: Sequence[UnreadClip]) -> list[list[UnreadClip]]:
     """The people of each sequence: folders may differ where their names, fit for files, don't."""
-    sequences: dict[tuple[str, Path], list[ClipFiles]] = {}
+    sequences: dict[tuple[str, Path], list[UnreadClip]] = {}
     for files in wanted:
         sequences.setdefault((files.sequence, files.clip_path.parent), []).append(files)
     return list(sequences.values())
 
 
 def _units(
-    people: Sequence[ClipFiles], formats: Sequence[FormatName], options: ExportOptions, out: Path
+    people: Sequence[UnreadClip], formats: Sequence[FormatName], options: ExportOptions, out: Path
 ) -> Iterator[Unit]:
     """What is to be written of one sequence."""
     for name in formats:
@@ -197,7 +197,7 @@ def _units(
             yield Unit(name, called, out / name / place, tuple(person.id for person in group))
 
 
-def _truths(source: Path | None, wanted: Sequence[ClipFiles]) -> dict[str, ClipFiles]:
+def _truths(source: Path | None, wanted: Sequence[UnreadClip]) -> dict[str, UnreadClip]:
     """The files of exact clips by id; says of which clips there is none."""
     if source is None:
         return {}
@@ -211,7 +211,7 @@ def _truths(source: Path | None, wanted: Sequence[ClipFiles]) -> dict[str, ClipF
 
 
 def _load(
-    files: ClipFiles, given: _Given, truths: Mapping[str, ClipFiles], alone: bool
+    files: UnreadClip, given: _StandIns, truths: Mapping[str, UnreadClip], alone: bool
 ) -> ExportedClip | GmrdataError:
     """The clip, or why it can't be read."""
     images = None if given.images is None else images_of(given.images, files.sequence, alone=alone)

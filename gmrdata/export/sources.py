@@ -16,8 +16,7 @@ import numpy as np
 from gmrdata.cameras.files import CAMERAS_FILE
 from gmrdata.film.render import EXTRAS_FOLDER
 from gmrdata.manifest.check import require_sound
-from gmrdata.manifest.current import READS, FolderRecord, Manifest
-from gmrdata.manifest.current import Clip as ClipEntry
+from gmrdata.manifest.current import READS, ClipEntry, FolderRecord, Manifest
 from gmrdata.manifest.read import listed_path, load_entry, read_data_set
 from gmrdata.read.bodies import body_files, load_body_once
 from gmrdata.read.frames import IMAGE_SUFFIXES, number_in_name
@@ -45,7 +44,7 @@ WRONG_BODY_M = 1e-3  # a rest pelvis that far from the clip's own is of another 
 
 
 @dataclass(frozen=True)
-class ClipFiles:
+class UnreadClip:
     """Where one clip lies, and what belongs to it.  Nothing was read yet but a manifest."""
 
     id: str  # fit for the name of a file
@@ -55,13 +54,13 @@ class ClipFiles:
     images_dir: Path | None = None
     masks_dir: Path | None = None  # `<image stem>.png`, 255 = dynamic
     sfm_dir: Path | None = None  # what `gmrdata.cameras.reconstruct` left
-    truth_files: "ClipFiles | None" = None  # of the exact motion
+    truth_files: "UnreadClip | None" = None  # of the exact motion
     extras_paths: tuple[Path, ...] = ()
     split: str = "test"  # of 3DPW
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class ExportedClip(ClipFiles):
+class ExportedClip(UnreadClip):
     """One person's clip, with what else is known of it."""
 
     clip: Clip  # `valid` is False outside the manifest's kept ranges
@@ -133,7 +132,7 @@ def images_by_number(folder: Path, suffixes: Collection[str] = IMAGE_SUFFIXES) -
     return found
 
 
-def list_clips(source: Path, ids: Sequence[str] = ()) -> list[ClipFiles]:
+def list_clips(source: Path, ids: Sequence[str] = ()) -> list[UnreadClip]:
     """The clips of a manifest, a clip's file or a stage's folder; of these, those named by `ids`.
 
     A stage's folder is that of a rendered set or clip, `gmrdata sfm`, `threedpw`, `motions`,
@@ -153,7 +152,7 @@ def list_clips(source: Path, ids: Sequence[str] = ()) -> list[ClipFiles]:
 
 
 def load_exported(
-    files: ClipFiles, *, body: str | None = None, images: Path | None = None
+    files: UnreadClip, *, body: str | None = None, images: Path | None = None
 ) -> ExportedClip:
     """Load one clip.
 
@@ -178,7 +177,7 @@ def load_exported(
     return ExportedClip(**(vars(files) | own))
 
 
-def _sound_clip(files: ClipFiles) -> Clip:
+def _sound_clip(files: UnreadClip) -> Clip:
     """A clip with the frames that its manifest keeps, whose numbers can be used."""
     clip = load_clip(files.clip_path) if files.listed is None else load_entry(*files.listed)
     return require_sound(files.clip_path, clip)
@@ -201,7 +200,7 @@ def _bodies(clip_path: Path) -> tuple[str, ...]:
     return tuple(beside) or ("anny",)
 
 
-def _clips_of(source: Path) -> Iterator[ClipFiles]:
+def _clips_of(source: Path) -> Iterator[UnreadClip]:
     if source.is_dir():
         return _clips_in_folder(source)
     if not source.is_file():
@@ -211,7 +210,7 @@ def _clips_of(source: Path) -> Iterator[ClipFiles]:
     return iter([_clip_file(source)])
 
 
-def _clip_file(path: Path) -> ClipFiles:
+def _clip_file(path: Path) -> UnreadClip:
     """A single clip, with what the stage that made it left beside it."""
     if path.absolute().parent.name in (PSEUDO_GT, FUSED):
         name = _clip_name(path)
@@ -219,7 +218,7 @@ def _clip_file(path: Path) -> ClipFiles:
     return _rendered_clip(path)
 
 
-def _clips_in_folder(folder: Path) -> Iterator[ClipFiles]:
+def _clips_in_folder(folder: Path) -> Iterator[UnreadClip]:
     """The clips of a folder that a stage left; see `list_clips`."""
     if (manifest := _manifest_in(folder)) is not None:
         # Of a demo: the rendered clips, the truth of what was regenerated from their frames.
@@ -232,7 +231,7 @@ def _clips_in_folder(folder: Path) -> Iterator[ClipFiles]:
         yield from _clips_in_folder(within[0])
     elif (folder / "regenerated").is_dir():  # a noise floor
         for files in _clips_in_folder(folder / "regenerated"):
-            truth = ClipFiles(files.id, files.id, folder / "twins" / "truth" / f"{files.id}.npz")
+            truth = UnreadClip(files.id, files.id, folder / "twins" / "truth" / f"{files.id}.npz")
             yield replace(files, truth_files=truth if truth.clip_path.is_file() else None)
     elif (folder / "infer.json").is_file():
         yield from (_rendered_clip(path) for path in sorted(folder.glob("*/clip.npz")))
@@ -288,14 +287,14 @@ def _is_manifest(path: Path) -> bool:
     return said.get("format") in READS and said.get("kind") != "list"
 
 
-def _clips_of_manifest(path: Path) -> Iterator[ClipFiles]:
+def _clips_of_manifest(path: Path) -> Iterator[UnreadClip]:
     manifest = read_data_set(path)
     people = Counter(Path(entry.arrays.path).parent for entry in manifest.clips)
     for entry in manifest.clips:
         yield _entry_files(path, manifest, entry, people[Path(entry.arrays.path).parent])
 
 
-def _entry_files(path: Path, manifest: Manifest, entry: ClipEntry, n_people: int) -> ClipFiles:
+def _entry_files(path: Path, manifest: Manifest, entry: ClipEntry, n_people: int) -> UnreadClip:
     """The files of one entry; `n_people` clips lie in its folder."""
 
     def folder(field: str, record: FolderRecord | None) -> Path | None:
@@ -304,7 +303,7 @@ def _entry_files(path: Path, manifest: Manifest, entry: ClipEntry, n_people: int
     inside = partial(listed_path, path, entry)
     clip_path = inside("arrays.path", entry.arrays.path)
     stages = Path(entry.arrays.path).parents[1:2]
-    files = ClipFiles(entry.id, entry.id, clip_path)
+    files = UnreadClip(entry.id, entry.id, clip_path)
     if manifest.kind == "pseudo_gt" and clip_path.parent.name == PSEUDO_GT and stages:
         # What lies beside the clip must be a part of the set.
         inside("sfm", (stages[0] / SFM).as_posix())
@@ -322,7 +321,7 @@ def _entry_files(path: Path, manifest: Manifest, entry: ClipEntry, n_people: int
     )
 
 
-def _people_in(folder: Path) -> list[ClipFiles]:
+def _people_in(folder: Path) -> list[UnreadClip]:
     """The people of one sequence: of a solved sequence's folder, or of a folder of people in it."""
     if (folder / PSEUDO_GT).is_dir():
         folder = world_people_dir(folder)
@@ -347,10 +346,10 @@ def world_people_dir(folder: Path) -> Path:
     return folder / (FUSED if (folder / FUSED).is_dir() else PSEUDO_GT)
 
 
-def _pseudo_gt_clip(path: Path) -> ClipFiles:
+def _pseudo_gt_clip(path: Path) -> UnreadClip:
     """A person's clip in a sequence's folder, which the other stages have left theirs in."""
     folder = path.absolute().parent.parent
-    return ClipFiles(
+    return UnreadClip(
         id=path.stem,
         sequence=file_name(folder.name),
         clip_path=path,
@@ -364,14 +363,14 @@ def _pseudo_gt_clip(path: Path) -> ClipFiles:
 def _split(people_dir: Path) -> str:
     """3DPW's split, as the stage that read the sequence's file has it in its record."""
     if not (people_dir / STAGE_FILE).is_file():
-        return ClipFiles.split
-    return str(StageRecord.of(people_dir).config.get("split", ClipFiles.split))
+        return UnreadClip.split
+    return str(StageRecord.of(people_dir).config.get("split", UnreadClip.split))
 
 
-def _rendered_clip(path: Path) -> ClipFiles:
+def _rendered_clip(path: Path) -> UnreadClip:
     """A clip in a folder of its own, with frames and masks if it was rendered."""
     folder, name = path.absolute().parent, _clip_name(path)
-    files = ClipFiles(name, name, path)
+    files = UnreadClip(name, name, path)
     if path.name != "clip.npz":
         return files
     return replace(

@@ -14,9 +14,8 @@ import numpy as np
 from gmrdata.film.character import residual_figures
 from gmrdata.film.render import RenderConfig, RenderJob, optional_outputs, render_clip
 from gmrdata.film.render_outputs import IN_FRAME, clearance_figures, whole_person_share
-from gmrdata.film.set_plan import Selection, SyntheticRecipe, Take, plan_takes, select
-from gmrdata.manifest.current import Clip as ClipEntry
-from gmrdata.manifest.current import Quality, Source
+from gmrdata.film.set_plan import PlannedClip, Selection, SyntheticRecipe, plan_takes, select
+from gmrdata.manifest.current import ClipEntry, Quality, Source
 from gmrdata.manifest.write import (
     ClipAbout,
     ClipFiles,
@@ -178,7 +177,7 @@ def _write_warnings(out_dir: Path, warnings: Sequence[str]) -> None:
 
 
 def _reading_warnings(
-    out_dir: Path, takes: Sequence[Take], jobs: Mapping[str, RenderJob], body: BodyModel
+    out_dir: Path, takes: Sequence[PlannedClip], jobs: Mapping[str, RenderJob], body: BodyModel
 ) -> list[str]:
     """A line for each thing that may be wrong with a motion file, of clips and of passers-by."""
     plans = {take.clip.id: out_dir / "plan" / take.clip.id / READING_FILE for take in takes}
@@ -207,7 +206,7 @@ def frame_warnings(entries: Sequence[ClipEntry], min_share: float) -> dict[str, 
 
 
 def _entry(
-    out_dir: Path, take: Take, body: BodyModel, config: RenderConfig, source: Source
+    out_dir: Path, take: PlannedClip, body: BodyModel, config: RenderConfig, source: Source
 ) -> ClipEntry:
     folder = render_dir(out_dir, take.id)
     licence = _licence(source, config.scene.extras.motions)
@@ -249,7 +248,7 @@ HEADINGS = ("clip", "motion", "camera", "frames", "state")
 
 
 @dataclass(frozen=True)
-class Probe:
+class ClipCost:
     """What was measured on a slice of one clip, rendered at its real settings."""
 
     frame_cpu_s: float
@@ -267,7 +266,7 @@ class DryRun:
     frames: int  # of all clips that can be filmed
     frames_to_do: int
     workers: int  # that have a clip to render
-    probe: Probe | None  # None when there is nothing to do, or no probe was wanted
+    probe: ClipCost | None  # None when there is nothing to do, or no probe was wanted
 
     @property
     def seconds(self) -> float | None:
@@ -324,7 +323,7 @@ def dry_run(
     return DryRun(rows, *counts, workers, measured)
 
 
-def probe_clip(clip: Clip, body_path: Path, config: RenderConfig, folder: Path) -> Probe:
+def probe_clip(clip: Clip, body_path: Path, config: RenderConfig, folder: Path) -> ClipCost:
     """Render two frames from the middle of a clip to a folder and measure them."""
     rows = np.arange(clip.motion.n_frames)[clip.motion.n_frames // 2 :][:PROBE_FRAMES]
     piece = replace(clip.take(rows), image_numbers=np.arange(len(rows)))
@@ -344,7 +343,7 @@ def probe_clip(clip: Clip, body_path: Path, config: RenderConfig, folder: Path) 
     caches_bytes = sum(size for path, size in sizes.items() if path.suffix == ".pc2")
     frame_bytes += caches_bytes / (len(rows) + 2)  # which have a frame more at either end
     clip_bytes = sum(sizes.values()) - len(rows) * frame_bytes
-    return Probe(frame_cpu_s, clip_cpu_s, frame_bytes, clip_bytes, _memory_mib())
+    return ClipCost(frame_cpu_s, clip_cpu_s, frame_bytes, clip_bytes, _memory_mib())
 
 
 def summary_lines(plan: DryRun) -> list[str]:

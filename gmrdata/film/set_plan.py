@@ -158,7 +158,7 @@ class PlanConfig(Config):
     people: PeopleConfig
 
 
-class TwinConfig(Config):
+class CameraOffConfig(Config):
     id: str
 
 
@@ -209,7 +209,7 @@ def make_twin(
         save_clip(partial_dir / PLANNED_FILE, twin, rest_pelvis_m)
 
     inputs = {"clip": planned_path, "body": body_path}
-    config = TwinConfig(id=twin_id)
+    config = CameraOffConfig(id=twin_id)
     return run_stage("twin", out_dir, config, inputs, work, run=run) / PLANNED_FILE
 
 
@@ -249,7 +249,7 @@ def _film(clip: SyntheticClip, recipe: SyntheticRecipe) -> Film:
 
 
 @dataclass(frozen=True)
-class Take:
+class PlannedClip:
     """A clip of the recipe, or its twin with the camera's motion off (Table 6)."""
 
     id: str
@@ -266,7 +266,7 @@ class Selection:
     """The clips of a recipe that can be rendered, and those whose motion is not there."""
 
     recipe: SyntheticRecipe
-    takes: tuple[Take, ...]  # a clip's twin follows it
+    takes: tuple[PlannedClip, ...]  # a clip's twin follows it
     motions_dir: Path | None
     files: dict[str, Path]  # motions in it by their trial's name
     missing: tuple[str, ...]
@@ -288,9 +288,9 @@ def select(recipe: SyntheticRecipe, motions_dir: Path | None) -> Selection:
     takes = []
     for clip in wanted:
         if clip.trial is None or clip.trial in files:
-            takes.append(Take(clip.id, clip))
+            takes.append(PlannedClip(clip.id, clip))
             if recipe.camera_off and clip.programme.kind != "static":
-                takes.append(Take(f"{clip.id}_off", clip, camera_off=True))
+                takes.append(PlannedClip(f"{clip.id}_off", clip, camera_off=True))
     if repeated := sorted(id for id, n in Counter(take.id for take in takes).items() if n > 1):
         what = f"clip ids must be unique, but these are repeated: {', '.join(repeated)}"
         raise BadRecipe(f"{what}; rename clips (camera_off adds _off to each)")

@@ -15,8 +15,7 @@ from pathlib import Path, PurePosixPath
 import numpy as np
 
 from gmrdata.gmr.config import DataConfig
-from gmrdata.manifest.current import Clip as ClipEntry
-from gmrdata.manifest.current import Manifest, Source
+from gmrdata.manifest.current import ClipEntry, Manifest, Source
 from gmrdata.manifest.read import listed_path, load_entry, published_list, read_data_set
 from gmrdata.motion.resample import resample, valid_runs
 from gmrdata.read.source_motion import CMU_TRIAL, in_cmu

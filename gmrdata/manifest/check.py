@@ -8,7 +8,7 @@ from pathlib import Path, PurePosixPath
 import numpy as np
 
 from gmrdata.manifest import listing
-from gmrdata.manifest.current import Clip, FileRecord, FolderRecord, ListManifest, Manifest
+from gmrdata.manifest.current import ClipEntry, FileRecord, FolderRecord, ListManifest, Manifest
 from gmrdata.manifest.listing import ListedFile
 from gmrdata.manifest.read import disagreements, join_problems, read_manifest, rows_in
 from gmrdata.manifest.write import recipe_sha256
@@ -25,7 +25,7 @@ from gmrdata.values.motion import Motion
 ROTATION_TOLERANCE = 1e-6  # largest entry of R^T R - I that passes; rotations are stored in float64
 
 
-def array_problems(entry: Clip, clip: clip_file.Clip) -> Iterator[str]:
+def array_problems(entry: ClipEntry, clip: clip_file.Clip) -> Iterator[str]:
     """What is wrong with a clip's arrays, one line each, field first."""
     yield from disagreements(entry, clip)
     if (entry.camera_motion == "none") != (clip.camera is None):
@@ -173,7 +173,7 @@ def _advancing(manifest: Manifest, name: str) -> Iterator[Callable[[], None]]:
         yield lambda: bar.advance(task)
 
 
-def _clip_problems(work: _Work, entry: Clip) -> Iterator[str]:
+def _clip_problems(work: _Work, entry: ClipEntry) -> Iterator[str]:
     """One line per problem, field first."""
     names: dict[str, list[str]] = {}
     for field, record in listing.folders_of(entry).items():
@@ -190,13 +190,13 @@ def _clip_problems(work: _Work, entry: Clip) -> Iterator[str]:
     yield from _arrays_problems(work, entry, names)
 
 
-def _recipe_problems(entry: Clip) -> Iterator[str]:
+def _recipe_problems(entry: ClipEntry) -> Iterator[str]:
     recipe = entry.recipe
     if recipe and recipe.sha256 != recipe_sha256(recipe.stage, recipe.config, recipe.inputs):
         yield "recipe.sha256: isn't the hash of the recipe beside it; write the manifest again"
 
 
-def _arrays_problems(work: _Work, entry: Clip, names: dict[str, list[str]]) -> Iterator[str]:
+def _arrays_problems(work: _Work, entry: ClipEntry, names: dict[str, list[str]]) -> Iterator[str]:
     yield from _file_problems(work, "arrays", entry.arrays)
     try:
         clip = clip_file.load_clip(resolve_inside(work.root, entry.arrays.path))

@@ -9,7 +9,7 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
-from gmrdata.manifest.current import Clip, FileRecord, FolderRecord
+from gmrdata.manifest.current import ClipEntry, FileRecord, FolderRecord
 from gmrdata.stage.progress import track
 from gmrdata.values import files as disk
 from gmrdata.values.errors import BadManifest, MissingInput
@@ -23,12 +23,12 @@ FOLDERS = ("images", "masks", "depth", "normals", "flow", "instances")
 FILES = ("joints", "video", "character")
 
 
-def folders_of(clip: Clip) -> dict[str, FolderRecord]:
+def folders_of(clip: ClipEntry) -> dict[str, FolderRecord]:
     """A clip's folders by field."""
     return {field: found for field in FOLDERS if (found := getattr(clip, field)) is not None}
 
 
-def files_of(clip: Clip) -> dict[str, FileRecord]:
+def files_of(clip: ClipEntry) -> dict[str, FileRecord]:
     """A clip's files besides its arrays, by field."""
     found = {field: found for field in FILES if (found := getattr(clip, field)) is not None}
     return found | {f"extras[{n}].arrays": extra.arrays for n, extra in enumerate(clip.extras)}

@@ -18,12 +18,12 @@ from gmrdata.manifest import yaml_text
 from gmrdata.manifest.current import (
     READS,
     AnyManifest,
+    ClipEntry,
     FrameRange,
     ListedClip,
     ListManifest,
     Manifest,
 )
-from gmrdata.manifest.current import Clip as ClipEntry
 from gmrdata.stage.progress import console
 from gmrdata.stage.recipes import published_manifest, schema_v1
 from gmrdata.values.clip import Clip, load_clip

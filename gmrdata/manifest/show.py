@@ -8,7 +8,7 @@ from pydantic import BaseModel
 from rich.markup import escape
 from rich.table import Table
 
-from gmrdata.manifest.current import Clip, ListedClip, ListManifest, Manifest
+from gmrdata.manifest.current import ClipEntry, ListedClip, ListManifest, Manifest
 from gmrdata.manifest.listing import files_of, folders_of
 from gmrdata.manifest.read import read_manifest
 
@@ -24,7 +24,7 @@ def manifest_table(path: Path) -> Table:
         table.add_column(heading, justify="right" if is_count else "left")
     for clip in manifest.clips:
         kept = kept_frames(clip)
-        total = clip.n_frames if isinstance(clip, Clip) else kept
+        total = clip.n_frames if isinstance(clip, ClipEntry) else kept
         table.add_row(
             clip.id,
             escape(_source(clip)),
@@ -33,7 +33,7 @@ def manifest_table(path: Path) -> Table:
             str(total),
             str(kept),
             f"{kept / clip.fps_hz:.1f}",
-            escape(clip.licence if isinstance(clip, Clip) else clip.note or ""),
+            escape(clip.licence if isinstance(clip, ClipEntry) else clip.note or ""),
         )
     return table
 
@@ -45,8 +45,8 @@ def diff_manifests(a: Path, b: Path) -> list[str]:
     return _differences(old, new, "")
 
 
-def kept_frames(clip: Clip | ListedClip) -> int:
-    ranges = clip.kept if isinstance(clip, Clip) else (clip.frames,)
+def kept_frames(clip: ClipEntry | ListedClip) -> int:
+    ranges = clip.kept if isinstance(clip, ClipEntry) else (clip.frames,)
     return sum(part.stop - part.start for part in ranges)
 
 
@@ -60,7 +60,7 @@ def _caption(manifest: Manifest | ListManifest) -> str:
     return f"{frames} frames to use{size}. {manifest.description}"
 
 
-def _source(clip: Clip | ListedClip) -> str:
+def _source(clip: ClipEntry | ListedClip) -> str:
     person = f" ({clip.source.person})" if clip.source.person else ""
     return f"{clip.source.dataset}: {clip.source.sequence}{person}"
 

@@ -18,7 +18,7 @@ from pydantic import (
 from gmrdata.values.files import safe_relative
 
 __all__ = [
-    "FORMAT", "AnyManifest", "CameraMotion", "Clip", "CreatedBy", "DroppedRange", "Extra",
+    "FORMAT", "AnyManifest", "CameraMotion", "ClipEntry", "CreatedBy", "DroppedRange", "Extra",
     "FileRecord", "FolderRecord", "FrameRange", "ListedClip", "ListManifest", "Manifest", "Quality",
     "Recipe", "Semver", "Source",
 ]  # fmt: skip
@@ -147,7 +147,7 @@ class Extra(_Part):
     """Its .npz: a clip's for a person (`company_1`, `passer_by_1`), transforms for a `car_1`."""
 
 
-class Clip(_Part):
+class ClipEntry(_Part):
     """One person in one take."""
 
     id: ClipId
@@ -283,7 +283,7 @@ class Manifest(_Head):
 
     kind: Literal["synthetic", "pseudo_gt", "motions"]
     """Rendered videos with exact cameras, real videos with reconstructed ones, or motions alone."""
-    clips: Annotated[tuple[Clip, ...], AfterValidator(_unique_ids)]
+    clips: Annotated[tuple[ClipEntry, ...], AfterValidator(_unique_ids)]
     """The clips."""
 
 

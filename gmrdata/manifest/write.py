@@ -14,7 +14,7 @@ from gmrdata import __version__
 from gmrdata.manifest import current, yaml_text
 from gmrdata.manifest.current import (
     FORMAT,
-    Clip,
+    ClipEntry,
     CreatedBy,
     DroppedRange,
     Extra,
@@ -120,7 +120,7 @@ class ClipAbout:
     """The clip's id if one is expected; the file must agree."""
 
 
-def clip_entry(root: Path, files: ClipFiles, about: ClipAbout) -> current.Clip:
+def clip_entry(root: Path, files: ClipFiles, about: ClipAbout) -> current.ClipEntry:
     """Make a clip's manifest entry from the files that a stage left; hashes them all.
 
     The kept ranges are the rows where the clip's `valid` is True and no reason speaks against
@@ -132,7 +132,7 @@ def clip_entry(root: Path, files: ClipFiles, about: ClipAbout) -> current.Clip:
         raise BadManifest(f"{files.clip}: holds clip {clip.id}, not {about.id}")
     ranges = list(text_runs(_reasons(files.clip, about.dropped_reason, clip.valid)))
     try:
-        entry = current.Clip(
+        entry = current.ClipEntry(
             id=clip.id,
             source=about.source,
             licence=about.licence,
@@ -188,7 +188,7 @@ class ManifestHead:
 def write_manifest(
     path: Path,
     head: ManifestHead,
-    clips: Sequence[Clip] | Sequence[ListedClip],
+    clips: Sequence[ClipEntry] | Sequence[ListedClip],
     created_by: CreatedBy | None = None,
     *,
     redo: bool = False,

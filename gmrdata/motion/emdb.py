@@ -6,8 +6,7 @@ from typing import Literal
 
 import numpy as np
 
-from gmrdata.manifest.current import Clip as ClipEntry
-from gmrdata.manifest.current import Quality, Source
+from gmrdata.manifest.current import ClipEntry, Quality, Source
 from gmrdata.manifest.write import ClipAbout, ClipFiles, clip_entry, stage_recipe
 from gmrdata.motion.ground import motion_of
 from gmrdata.motion.library import motions_head, write_motions

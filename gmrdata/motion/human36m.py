@@ -5,8 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gmrdata.manifest.current import Clip as ClipEntry
-from gmrdata.manifest.current import Source
+from gmrdata.manifest.current import ClipEntry, Source
 from gmrdata.manifest.write import ClipAbout, ClipFiles, clip_entry, stage_recipe
 from gmrdata.motion.ground import motion_of
 from gmrdata.motion.library import motions_head, write_motions
@@ -27,7 +26,11 @@ LICENCE = "Human3.6M's licence (academic use; not to be passed on)"
 
 
 def take_clip(
-    subject: int, take: files.Take, camera_number: int, camera: files.FixedCamera, body: BodyModel
+    subject: int,
+    take: files.Performance,
+    camera_number: int,
+    camera: files.FixedCamera,
+    body: BodyModel,
 ) -> Clip:
     """A take at the rate of its frames: 10 Hz where, as published, each fifth frame was fitted.
 

@@ -14,8 +14,7 @@ from typing import Literal, Self
 
 import numpy as np
 
-from gmrdata.manifest.current import Clip as ClipEntry
-from gmrdata.manifest.current import Quality, Source
+from gmrdata.manifest.current import ClipEntry, Quality, Source
 from gmrdata.manifest.write import (
     ClipAbout,
     ClipFiles,

@@ -63,7 +63,7 @@ BY_TRUNK = (
 
 
 @dataclass(frozen=True, eq=False)
-class Person:
+class PosedPerson:
     """Joints (T, 24, 3) and points of the left and the right sole (T, P, 3), at some rate."""
 
     joints_m: np.ndarray
@@ -113,7 +113,7 @@ class Standing:
         return long and self.rise_m < LARGEST_RISE_M
 
 
-def standing_along(person: Person, up: np.ndarray) -> Standing:
+def standing_along(person: PosedPerson, up: np.ndarray) -> Standing:
     """What a person does along an axis (3,)."""
     joints_m = person.joints_m
     heights_m, soles_m = joints_m @ up, person.soles_m
@@ -178,7 +178,7 @@ def _sway_m(places_m: np.ndarray, rows: np.ndarray) -> float:
     return max((float(np.linalg.norm(np.ptp(run, axis=0))) for run in runs), default=0.0)
 
 
-def person_of(body: BodyModel, motion: Motion) -> Person:
+def person_of(body: BodyModel, motion: Motion) -> PosedPerson:
     """Where somebody's joints and soles are, at about 30 Hz."""
     step = max(1, round(motion.fps_hz / LOOKED_AT_HZ))
     some = motion.take(slice(None, None, step), motion.fps_hz / step)
@@ -189,26 +189,26 @@ def person_of(body: BodyModel, motion: Motion) -> Person:
     )
     rest_soles_m = [points_m[0, :, 1] for points_m in soles_of_feet_m(body, at_rest)]
     soles_m = soles_of_feet_m(body, some)
-    return Person(motion_joints_m(body, some), soles_m, rest_soles_m, some.fps_hz)
+    return PosedPerson(motion_joints_m(body, some), soles_m, rest_soles_m, some.fps_hz)
 
 
-def is_upright(person: Person) -> bool:
+def is_upright(person: PosedPerson) -> bool:
     """Whether somebody is upright: the trunk mostly is, or else the feet show that z is up."""
     return _holds_trunk_up(person) or shows_z_up(person)
 
 
-def shows_z_up(person: Person) -> bool:
+def shows_z_up(person: PosedPerson) -> bool:
     """Whether what the feet do shows that z is up."""
     return standing_along(person, _UP).is_evident
 
 
-def _holds_trunk_up(person: Person) -> bool:
+def _holds_trunk_up(person: PosedPerson) -> bool:
     hip_m, shoulder_m = middles(person.joints_m, "hip", "shoulder")
     trunk_m = np.median(shoulder_m - hip_m, axis=0)
     return bool(trunk_m[2] >= UPRIGHT * np.linalg.norm(trunk_m))
 
 
-def walking_m_per_s(person: Person) -> float:
+def walking_m_per_s(person: PosedPerson) -> float:
     """The speed of somebody who walks, with a foot always down, in a z-up world; else 0 [m/s]."""
     going = person.speeds(_level(person.joints_m[:, JOINT["pelvis"]], _UP))
     rows = going > GOING_M_PER_S
@@ -218,7 +218,7 @@ def walking_m_per_s(person: Person) -> float:
     return float(np.median(going[rows]))
 
 
-def tilt_over_feet_deg(person: Person) -> float:
+def tilt_over_feet_deg(person: PosedPerson) -> float:
     """How far the way from standing feet to the middle of the trunk is off z, on average."""
     feet_m = np.stack([one.mean(axis=1) for one in person.soles_m], axis=1)
     stood_on_m, carried = support_m(feet_m, person.slowest())
@@ -226,7 +226,7 @@ def tilt_over_feet_deg(person: Person) -> float:
     return float(angles_deg(carried @ (trunk_m - stood_on_m), _UP))
 
 
-def sliding_m_per_s(person: Person) -> float:
+def sliding_m_per_s(person: PosedPerson) -> float:
     """The speed of the lower sole of somebody who walks in place; else 0 [m/s]."""
     lows_m = np.stack([one[..., 2].min(axis=1) for one in person.soles_m], axis=1)
     lower = lows_m.argmin(axis=1)[:, None]
@@ -236,7 +236,7 @@ def sliding_m_per_s(person: Person) -> float:
     return low if low > max(SLIDES_M_PER_S, SLIDES_OVER * going) else 0.0
 
 
-def remarks_on(person: Person, fps_hz: float) -> tuple[str, ...]:
+def remarks_on(person: PosedPerson, fps_hz: float) -> tuple[str, ...]:
     """What may be wrong with a motion, for who gave the file."""
     remarks: tuple[str, ...] = () if is_upright(person) else (LIES,)
     speeds = person.speeds(person.joints_m[:, JOINT["pelvis"]])

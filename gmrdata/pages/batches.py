@@ -14,7 +14,7 @@ from gmrdata.pages.frames import jpeg_image, masked_tile, narrowed, spaced
 from gmrdata.pages.gather import gather_sequence
 from gmrdata.pages.html import Cell, Table, render, write_page
 from gmrdata.pages.report_data import NO_FIGURE
-from gmrdata.pages.solved import Kind, Solved, counts_of, example_frames
+from gmrdata.pages.solved import Kind, SolvedSequence, counts_of, example_frames
 from gmrdata.pages.solved_page import solved_page
 from gmrdata.people.folder import find_mask
 from gmrdata.read.frames import number_in_name, read_color, read_gray
@@ -141,7 +141,7 @@ def page_name(sequence: str) -> str:
     return f"~{digest[:16]}.html"
 
 
-def _write_page(found: Solved, paths: SetPaths) -> Row:
+def _write_page(found: SolvedSequence, paths: SetPaths) -> Row:
     """Write a sequence's page; gives its row in the index."""
     said = found.dataset
     assert said is not None
@@ -198,7 +198,7 @@ Strips = list[list[tuple[Kind | None, Tile]]]
 """Two rows of frames, the second with the kinds of reason for which they are dropped."""
 
 
-def _read_frames(found: Solved, files: SequenceFiles | None) -> Strips:
+def _read_frames(found: SolvedSequence, files: SequenceFiles | None) -> Strips:
     """Evenly spaced frames (of a sequence that can't be read: images), and one for each reason."""
     if files is None or found.folder is None or not files.image_dir.is_dir():
         return [[], []]

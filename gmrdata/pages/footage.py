@@ -13,7 +13,7 @@ import numpy as np
 
 from gmrdata.cameras.files import Distortion, bent_points
 from gmrdata.pages.frames import draw_mask_outline
-from gmrdata.pages.solved import Solved
+from gmrdata.pages.solved import SolvedSequence
 from gmrdata.read.frames import read_gray
 from gmrdata.solve.plan import MOST_PICTURES
 from gmrdata.stage.jobs import made_ahead
@@ -172,7 +172,7 @@ def direction_marks(camera: CameraPath) -> Marks:
     return replace(NO_MARKS, world_m=middle[:3, 3] + rays @ middle[:3, :3].T)
 
 
-def footage_of(found: Solved) -> Footage:
+def footage_of(found: SolvedSequence) -> Footage:
     """What is drawn over the frames; MissingInput where there is nothing to draw or draw over."""
     if found.camera is None:
         why = "no camera was found" if found.is_alone else "no person's motion can be read"
@@ -199,7 +199,7 @@ def footage_of(found: Solved) -> Footage:
     )
 
 
-def _marks(found: Solved) -> Marks:
+def _marks(found: SolvedSequence) -> Marks:
     """What stands still behind cameras alone: background points in the frames that show them, of a
     camera that turns a grid of directions."""
     solved, camera = found.reconstruction, found.camera

@@ -11,15 +11,15 @@ from gmrdata.cameras.files import SfmCameras, load_cameras, load_points, load_qu
 from gmrdata.cameras.lens.intrinsics import load_intrinsics
 from gmrdata.cameras.match.tracks import load_tracks
 from gmrdata.export.sources import (
-    ClipFiles,
     ExportedClip,
+    UnreadClip,
     images_by_number,
     list_clips,
     load_exported,
     require_solved,
 )
 from gmrdata.manifest.check import require_sound
-from gmrdata.pages.solved import DatasetSays, Reconstruction, Solved
+from gmrdata.pages.solved import DatasetSays, Reconstruction, SolvedSequence
 from gmrdata.people.folder import find_mask
 from gmrdata.read.frames import video_record
 from gmrdata.read.numbers import rigid_rows
@@ -112,7 +112,9 @@ def _are_same(reader: Reader, path: Path, n_frames: int, n_expected: int) -> boo
     return n_frames == n_expected
 
 
-def gather_video(folder: Path, images_dir: Path | None = None, body: str | None = None) -> Solved:
+def gather_video(
+    folder: Path, images_dir: Path | None = None, body: str | None = None
+) -> SolvedSequence:
     """Read what there is of a video; what can't be read is named in `missing`.
 
     Args:
@@ -138,7 +140,7 @@ def gather_video(folder: Path, images_dir: Path | None = None, body: str | None 
     config = reader.read(config_of, pseudo_gt_dir, has_people)
     config = config or with_lens_error(PseudoGtConfig(), lens)  # of cameras alone none is kept
     judged = record is not None and bool(record.people)  # their motions may be lost
-    found = Solved(
+    found = SolvedSequence(
         name=folder.name,
         folder=folder,
         record=record,
@@ -174,7 +176,7 @@ def gather_sequence(
     files: SequenceFiles | None,
     recipe: ThreedpwRecipe,
     paths: SetPaths,
-) -> Solved:
+) -> SolvedSequence:
     """The same of a sequence of 3DPW, and what the data set says of it."""
     reader = Reader(paths.root)
     name = "" if files is None else files.name
@@ -193,7 +195,7 @@ def gather_sequence(
     if theirs is not None and camera is not None:
         fits = _are_same(reader, theirs_path, len(theirs), camera.n_frames)
         theirs = np.where(rigid_rows(theirs)[:, None, None], theirs, np.nan) if fits else None
-    return Solved(
+    return SolvedSequence(
         name=verdict.sequence,  # as it stands in the data set: any text
         folder=None if files is None else folder,
         record=record,
@@ -280,7 +282,7 @@ def _levelled(cameras: SfmCameras) -> CameraPath:
     return replace(cameras.path, world_from_cam=level @ cameras.path.world_from_cam)
 
 
-def _judge(reader: Reader, found: Solved) -> Verdict | None:
+def _judge(reader: Reader, found: SolvedSequence) -> Verdict | None:
     """The verdict on cameras of which no record has one."""
     if found.folder is None or found.reconstruction is None:
         return None
@@ -288,7 +290,9 @@ def _judge(reader: Reader, found: Solved) -> Verdict | None:
     return reader.read(lambda folder: judge_cameras(folder, rate_hz, config), found.folder / SFM)
 
 
-def _with_frames(reader: Reader, found: Solved, frames_dir: Path, said_hz: float) -> Solved:
+def _with_frames(
+    reader: Reader, found: SolvedSequence, frames_dir: Path, said_hz: float
+) -> SolvedSequence:
     """With the image, the mask and the time of each of the T frames."""
     assert found.folder is not None
     numbers = np.zeros(0, np.int64)
@@ -338,7 +342,7 @@ def _people(
     of `clips`: of ten minutes each takes 35 MB."""
     motions = {clip.id: clip.motion for clip in clips.values()}
 
-    def load(files: ClipFiles) -> ExportedClip:
+    def load(files: UnreadClip) -> ExportedClip:
         person = load_exported(files, body=body, images=images_dir)
         _ = person.body  # what it lacks is said here
         motion = motions.get(person.clip.id, person.clip.motion)

@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from gmrdata.film.camera_moves import look_at, smooth_path
 from gmrdata.gmr.infer import InferConfig
 from gmrdata.pages.plots import RECOVERED_WIDTH, finish_view, mark_start, picture, plot_path
-from gmrdata.pages.view3d import View, ViewedPerson, write_view
+from gmrdata.pages.view3d import ViewedPerson, ViewedWorld, write_view
 from gmrdata.solve.verdict import VIEW
 from gmrdata.stage.progress import track
 from gmrdata.values import transforms
@@ -78,7 +78,7 @@ NEAREST_M = 0.1
 _BITS = 4  # cv2 takes polygon corners as integers with this many fractional bits
 
 
-class Film(NamedTuple):
+class Framing(NamedTuple):
     """What all pictures share."""
 
     intrinsics_px: np.ndarray
@@ -102,7 +102,7 @@ class _View(NamedTuple):
 
 
 def draw_body(
-    vertices_m: np.ndarray, faces: np.ndarray, world_from_cam: np.ndarray, film: Film
+    vertices_m: np.ndarray, faces: np.ndarray, world_from_cam: np.ndarray, film: Framing
 ) -> np.ndarray:
     """The picture (height, width, 3) uint8, red first, of a body (V, 3) [m] above the floor z = 0,
     whose faces (F, 3) go counter-clockwise seen from outside."""
@@ -194,7 +194,7 @@ def draw_motion(folder: Path, clip: Clip, body: BodyModel, config: InferConfig) 
         write_top_view(path, clip.motion)
     if not view.exists():
         times_s = np.arange(clip.motion.n_frames) / clip.motion.fps_hz
-        write_view(view, View(times_s, [ViewedPerson(clip, "gmr", body)]))
+        write_view(view, ViewedWorld(times_s, [ViewedPerson(clip, "gmr", body)]))
     if config.video and not video.exists():
         size_px = (config.width_px, config.height_px)
         write_body_video(video, clip.motion, body, size_px, folder.name)
@@ -219,7 +219,7 @@ def write_body_video(
     step = max(1, int(np.ceil(motion.fps_hz / LARGEST_VIDEO_HZ - 1e-6)))
     rows = np.arange(0, motion.n_frames, step)
     world_from_cam = film_camera(motion)
-    film = Film(intrinsics_from_fov(HFOV_DEG, *size_px), *size_px)
+    film = Framing(intrinsics_from_fov(HFOV_DEG, *size_px), *size_px)
 
     def frames() -> Iterator[np.ndarray]:
         for start in range(0, len(rows), POSED_AT_ONCE):

@@ -15,7 +15,7 @@ from gmrdata.values.motion import Motion
 from gmrdata.values.records import Config, Record
 
 
-class ClipFigures(Config):
+class ClipAccuracy(Config):
     """How far a clip's pseudo ground truth lies from the truth."""
 
     ome_deg: float
@@ -36,7 +36,7 @@ class ClipFigures(Config):
 
 
 @dataclass(frozen=True, eq=False)
-class Quality:
+class ReconstructionQuality:
     """What the reconstruction knows about itself, without the truth."""
 
     geometry: str  # "full", "rotation_only" for a camera that only pans, or "static"
@@ -58,8 +58,8 @@ class ClipReport:
     images_dir: Path
     masks_dir: Path | None  # `<image stem>.png`, 255 = dynamic object; None draws no outline
     body: BodyModel
-    figures: ClipFigures
-    quality: Quality
+    figures: ClipAccuracy
+    quality: ReconstructionQuality
     figures_fps_hz: float | None = None  # a whole part of the clips' rate; None for that rate
     predicted: Motion | None = None  # GMR's, accumulated from the first frame
 
@@ -104,7 +104,7 @@ SCALE_NOT_OBSERVABLE = "not observable (pan)"
 NO_FIGURE = "–"
 
 
-def verdicts(figures: ClipFigures) -> dict[str, bool]:
+def verdicts(figures: ClipAccuracy) -> dict[str, bool]:
     """Which figures of a clip keep to their thresholds; `frames_with_camera` means every frame."""
     found = {key: getattr(figures, key) for key in THRESHOLDS}
     met = {
@@ -113,7 +113,7 @@ def verdicts(figures: ClipFigures) -> dict[str, bool]:
     return met | {"frames_with_camera": figures.frames_with_camera == figures.frames}
 
 
-def figure_texts(figures: ClipFigures) -> dict[str, str]:
+def figure_texts(figures: ClipAccuracy) -> dict[str, str]:
     """A clip's figures as text, without units, by key; the first is "with camera/all frames"."""
     scale, camera_deg = figures.scale_error_percent, figures.camera_rotation_deg
     return {
@@ -133,7 +133,7 @@ def score_texts(score: PaperMetrics[float]) -> dict[str, str]:
     return {key: f"{getattr(score, key):.{n}f}" for key, n in digits.items()}
 
 
-class ClipSummary(ClipFigures):
+class ClipSummary(ClipAccuracy):
     """One clip of a summary."""
 
     id: str

@@ -11,8 +11,7 @@ from gmrdata.film.render_outputs import IN_FRAME
 from gmrdata.film.render_set import frame_warnings, render_dir, require_takes
 from gmrdata.film.scene import SceneConfig
 from gmrdata.film.set_plan import SyntheticRecipe, plan_takes, select
-from gmrdata.manifest.current import Clip as ClipEntry
-from gmrdata.manifest.current import Quality
+from gmrdata.manifest.current import ClipEntry, Quality
 from gmrdata.manifest.read import read_manifest
 from gmrdata.pages import frames
 from gmrdata.pages.html import Cell, Table, render, write_page

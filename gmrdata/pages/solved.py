@@ -18,7 +18,7 @@ from gmrdata.cameras.lens.intrinsics import Intrinsics
 from gmrdata.cameras.match.tracks import Tracks, errors_px
 from gmrdata.export.sources import ExportedClip
 from gmrdata.read.threedpw_files import SequenceFiles
-from gmrdata.threedpw.intrinsics_check import IntrinsicsConfig
+from gmrdata.threedpw.intrinsics_check import IntrinsicsCheckConfig
 from gmrdata.threedpw.regenerate import SequenceVerdict
 from gmrdata.threedpw.sequence import PeopleRecord
 from gmrdata.values import transforms
@@ -65,11 +65,11 @@ class DatasetSays:
     files: SequenceFiles | None  # None where the name can't be trusted: nothing of it is opened
     people: PeopleRecord | None
     camera: np.ndarray | None  # (T, 4, 4) its own world_from_cam; NaN where unknown
-    intrinsics: IntrinsicsConfig  # what its keypoints may say of the focal length
+    intrinsics: IntrinsicsCheckConfig  # what its keypoints may say of the focal length
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Solved:
+class SolvedSequence:
     """A sequence of T frames and P people.  What is empty or None was not made, or is gone."""
 
     name: str

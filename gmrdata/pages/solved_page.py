@@ -33,7 +33,7 @@ from gmrdata.pages.html import Cell, Table, css_colours, render, text_of, write_
 from gmrdata.pages.plots import svg
 from gmrdata.pages.report import GEOMETRY_WORDS
 from gmrdata.pages.report_data import NO_FIGURE
-from gmrdata.pages.solved import Solved, align_dataset_camera, counts_of
+from gmrdata.pages.solved import SolvedSequence, align_dataset_camera, counts_of
 from gmrdata.pages.view3d import MOST_BODIES, view_of, write_view
 from gmrdata.solve.request import FRAMES, INTRINSICS, LINES, MASKS, SFM
 from gmrdata.solve.verdict import FILES, OVERLAY, PAGE, VIEW
@@ -152,7 +152,7 @@ Strips = Sequence[Sequence[tuple[object, object]]]
 
 
 def solved_page(
-    found: Solved,
+    found: SolvedSequence,
     page: Path,
     *,
     left_out: Sequence[tuple[str, str]] = (),
@@ -186,7 +186,7 @@ def solved_page(
 
 
 def _makers(
-    found: Solved, left_out: Sequence[tuple[str, str]], view: Callable[[], object]
+    found: SolvedSequence, left_out: Sequence[tuple[str, str]], view: Callable[[], object]
 ) -> Iterator[tuple[str, Callable[[], object]]]:
     """What makes each section that there is something for, in their order."""
     record, cameras, by_video = found.record, found.cameras, found.dataset is None
@@ -215,7 +215,7 @@ def _makers(
         yield "reconstruction", partial(_reconstruction_rows, cameras)
 
 
-def _lead(found: Solved) -> str:
+def _lead(found: SolvedSequence) -> str:
     parts = [] if found.dataset is None else [found.dataset.verdict.split or "not read"]
     if (camera := found.camera) is not None:
         parts.append(f"{camera.width_px}×{camera.height_px} px")
@@ -232,7 +232,7 @@ def _lead(found: Solved) -> str:
     return ", ".join(parts)
 
 
-def _judged_by(found: Solved) -> list[Table]:
+def _judged_by(found: SolvedSequence) -> list[Table]:
     """The figures behind the verdict."""
     if not found.is_solved:
         return []
@@ -247,7 +247,7 @@ def _judged_by(found: Solved) -> list[Table]:
     return [whole, thresholds.threshold_table(frames, "threshold", worst)]
 
 
-def _overlay(found: Solved) -> dict[str, object]:
+def _overlay(found: SolvedSequence) -> dict[str, object]:
     """Make the overlay, if it is not there, and say what stands beside it."""
     footage = footage_of(found)
     folder = make_overlay(found, footage)
@@ -267,7 +267,7 @@ def _overlay(found: Solved) -> dict[str, object]:
     }
 
 
-def _fits_in_words(found: Solved) -> Iterator[str]:
+def _fits_in_words(found: SolvedSequence) -> Iterator[str]:
     """How well each body lies on the person, in the frames that show both."""
     if found.record is None:
         return
@@ -281,7 +281,7 @@ def _fits_in_words(found: Solved) -> Iterator[str]:
             )
 
 
-def _view(found: Solved, page: Path) -> dict[str, object]:
+def _view(found: SolvedSequence, page: Path) -> dict[str, object]:
     """Write the world to turn round, and say what stands beside it."""
     view, file = view_of(found), VIEW
     if page.name != PAGE:  # one of many in a folder
@@ -296,7 +296,7 @@ def _view(found: Solved, page: Path) -> dict[str, object]:
     }
 
 
-def _marks_words(found: Solved, footage: Footage) -> str:
+def _marks_words(found: SolvedSequence, footage: Footage) -> str:
     if not len(footage.marks.world_m):
         return ""
     if found.reconstruction is not None and found.reconstruction.cameras.geometry == "full":
@@ -304,7 +304,7 @@ def _marks_words(found: Solved, footage: Footage) -> str:
     return "a grid of directions, 10° apart"
 
 
-def make_overlay(found: Solved, footage: Footage) -> Path:
+def make_overlay(found: SolvedSequence, footage: Footage) -> Path:
     """Stage: `overlay.mp4` and `poster.jpg`, made anew when anything that they show changed."""
 
     def work(partial: Path) -> None:
@@ -326,12 +326,12 @@ def make_overlay(found: Solved, footage: Footage) -> Path:
     return run_stage(OVERLAY, folder / OVERLAY, config, inputs, work, run=Run(anew=True))
 
 
-def _folder(found: Solved) -> Path:
+def _folder(found: SolvedSequence) -> Path:
     assert found.folder is not None
     return found.folder
 
 
-def _over_time(found: Solved) -> dict[str, object]:
+def _over_time(found: SolvedSequence) -> dict[str, object]:
     headings = ("of", "frames", "number", "reason")
     ranges, height_in = list(_ranges(found)), solved_plots.height_in(found)
     return {
@@ -342,7 +342,7 @@ def _over_time(found: Solved) -> dict[str, object]:
     }
 
 
-def _legend(found: Solved) -> Iterator[tuple[str, str]]:
+def _legend(found: SolvedSequence) -> Iterator[tuple[str, str]]:
     accepted = found.accepted
     with_kept = [i for i, reasons in enumerate(found.reasons) if "" in reasons]
     if not found.is_solved and with_kept:
@@ -355,14 +355,14 @@ def _legend(found: Solved) -> Iterator[tuple[str, str]]:
         yield kind.colour, f"{kind.words} ({n})"
 
 
-def _ranges(found: Solved) -> Iterator[tuple[Cell | str, ...]]:
+def _ranges(found: SolvedSequence) -> Iterator[tuple[Cell | str, ...]]:
     for name, reasons in zip(found.row_names, found.reasons, strict=True):
         for start, stop, reason in dropped_ranges(reasons):
             span = f"{start} to {stop - 1}" if stop - start > 1 else f"{start}"
             yield name, span, str(stop - start), Cell(reason, kind="words-cell")
 
 
-def _paths(found: Solved) -> dict[str, object]:
+def _paths(found: SolvedSequence) -> dict[str, object]:
     world_from_cam = found.world_from_cam
     if world_from_cam is None:
         return {"above": None}
@@ -455,7 +455,7 @@ def _reconstruction_rows(cameras: CamerasQuality) -> list[tuple[str, object]]:
     return [(name, value) for name, value in rows if value is not None]
 
 
-def _lens(found: Solved, camera: CameraPath) -> dict[str, object]:
+def _lens(found: SolvedSequence, camera: CameraPath) -> dict[str, object]:
     """The intrinsics, where they came from, and how well they are known."""
     lens, sides_px = found.intrinsics, np.array([camera.width_px, camera.height_px])
     focal_px, centre_px = np.diag(camera.intrinsics_px)[:2], camera.intrinsics_px[:2, 2]
@@ -480,7 +480,7 @@ def _lens(found: Solved, camera: CameraPath) -> dict[str, object]:
     return {"rows": rows, "objections": objections, "notes": notes}
 
 
-def _downloads(found: Solved, left_out: Sequence[tuple[str, str]]) -> dict[str, object]:
+def _downloads(found: SolvedSequence, left_out: Sequence[tuple[str, str]]) -> dict[str, object]:
     """What lies in `files`, by format, what the stages keep of people, and what could not be
     written."""
     root, own, exported = _folder(found), list(_own_files(found)), []
@@ -497,7 +497,7 @@ def _downloads(found: Solved, left_out: Sequence[tuple[str, str]]) -> dict[str, 
     }
 
 
-def _own_files(found: Solved) -> Iterator[Offer]:
+def _own_files(found: SolvedSequence) -> Iterator[Offer]:
     """Name, use and links of what the stages keep of people."""
     folder = _folder(found)
 
@@ -526,7 +526,7 @@ def _links(root: Path, files: Sequence[Path], below: Path) -> Iterator[tuple[str
             yield href, text_of(path.relative_to(below).as_posix()), said
 
 
-def _stages(found: Solved, page_dir: Path) -> list[tuple[str, list[tuple[str, str]]]]:
+def _stages(found: SolvedSequence, page_dir: Path) -> list[tuple[str, list[tuple[str, str]]]]:
     """Links to the records of the stages."""
     stages = []
     for stage, names in RECORDS.items() if found.folder is not None else ():

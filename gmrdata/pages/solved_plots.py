@@ -10,7 +10,7 @@ from matplotlib.ticker import MaxNLocator
 
 from gmrdata.pages import plots
 from gmrdata.pages.plots import COLOURS
-from gmrdata.pages.solved import Aligned, Solved, kinds_of
+from gmrdata.pages.solved import Aligned, SolvedSequence, kinds_of
 from gmrdata.values import transforms
 from gmrdata.values.clip import text_runs
 from gmrdata.world.recipe import CueEstimate
@@ -19,12 +19,12 @@ PERSON_IN, PANEL_IN, AXIS_IN = 0.3, 1.5, 0.45
 """Heights of a person's row, of a plot, and of what is under the lowest [inch]."""
 
 
-def height_in(found: Solved) -> float:
+def height_in(found: SolvedSequence) -> float:
     """Height of the figure that `plot_time` wants [inch]."""
     return AXIS_IN + PERSON_IN * len(found.reasons) + PANEL_IN * len(_panels(found))
 
 
-def _panels(found: Solved) -> list[Callable[[Axes], None]]:
+def _panels(found: SolvedSequence) -> list[Callable[[Axes], None]]:
     """What draws each of the plots below the time line."""
     config, solved = found.config.verdict, found.reconstruction
     if found.world_from_cam is None:
@@ -42,7 +42,7 @@ def _panels(found: Solved) -> list[Callable[[Axes], None]]:
     return panels
 
 
-def plot_time(plot: Figure, found: Solved) -> None:
+def plot_time(plot: Figure, found: SolvedSequence) -> None:
     """The time line over the plots, on one axis of frames."""
     panels = _panels(found)
     heights = [PERSON_IN * len(found.reasons), *[PANEL_IN] * len(panels)]
@@ -59,7 +59,7 @@ def plot_time(plot: Figure, found: Solved) -> None:
     column[-1].set_xlim(-0.5, max(1, found.n_frames) - 0.5)
 
 
-def _plot_kept(axes: Axes, found: Solved) -> None:
+def _plot_kept(axes: Axes, found: SolvedSequence) -> None:
     kinds, accepted = kinds_of(found.reasons), found.accepted
     for person, reasons in enumerate(found.reasons):
         for start, stop, reason in text_runs(reasons):
@@ -73,7 +73,7 @@ def _plot_kept(axes: Axes, found: Solved) -> None:
     plots.quiet(axes)
 
 
-def _plot_inliers(axes: Axes, found: Solved, fewest: int) -> None:
+def _plot_inliers(axes: Axes, found: SolvedSequence, fewest: int) -> None:
     if found.cameras is None:
         return
     counts = found.per_frame(found.cameras.inliers_per_frame)
@@ -133,7 +133,7 @@ def person_role(person: int) -> str:
 FROM_ABOVE = np.eye(4)
 
 
-def plot_side_view(plot: Figure, found: Solved) -> None:
+def plot_side_view(plot: Figure, found: SolvedSequence) -> None:
     """The same from the side, across the longest horizontal way of all paths, with the floor."""
     if found.world_from_cam is None:
         return
@@ -151,14 +151,17 @@ def _longest_way(places_m: np.ndarray) -> np.ndarray:
     return np.asarray(along if along[np.abs(along).argmax()] > 0 else -along)
 
 
-def _paths_m(found: Solved) -> list[np.ndarray]:
+def _paths_m(found: SolvedSequence) -> list[np.ndarray]:
     """The paths (T, 3) of the camera and of everybody."""
     assert found.world_from_cam is not None
     return [found.world_from_cam[:, :3, 3], *(c.motion.pelvis_m for c in found.clips.values())]
 
 
 def plot_paths(
-    plot: Figure, found: Solved, aligned: Aligned | None, view_from_world: np.ndarray = FROM_ABOVE
+    plot: Figure,
+    found: SolvedSequence,
+    aligned: Aligned | None,
+    view_from_world: np.ndarray = FROM_ABOVE,
 ) -> None:
     """Paths in the levelled world, z up: the data set's camera as a pale band under ours.  The
     first two axes of `view_from_world` (4, 4) are those of the plot."""

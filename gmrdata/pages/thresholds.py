@@ -10,8 +10,8 @@ from gmrdata.cameras.files import CamerasQuality
 from gmrdata.cameras.recipe import CamerasVerdictConfig
 from gmrdata.pages.html import Cell, Table
 from gmrdata.pages.report_data import NO_FIGURE
-from gmrdata.pages.solved import Solved
-from gmrdata.threedpw.intrinsics_check import FocalEstimate, IntrinsicsConfig
+from gmrdata.pages.solved import SolvedSequence
+from gmrdata.threedpw.intrinsics_check import FocalEstimate, IntrinsicsCheckConfig
 from gmrdata.values.camera_motion import MotionClassConfig, MotionFigures
 from gmrdata.values.records import compared
 from gmrdata.values.transforms import angles_rad
@@ -19,7 +19,7 @@ from gmrdata.world.judge import PseudoGtQuality
 from gmrdata.world.recipe import PseudoGtConfig
 
 
-class Row(NamedTuple):
+class FigureRow(NamedTuple):
     """One figure with its unit, as plain text."""
 
     name: str
@@ -28,13 +28,13 @@ class Row(NamedTuple):
     met: bool | None  # whether it keeps to the threshold; None where nothing can be said
 
 
-def threshold_table(rows: Iterable[Row], heading: str, caption: str) -> Table:
+def threshold_table(rows: Iterable[FigureRow], heading: str, caption: str) -> Table:
     """Figures beside their thresholds, which `heading` names."""
     cells = [(row.name, Cell(row.value, met=row.met), row.threshold) for row in rows]
     return Table(("figure", "value", heading), cells, caption)
 
 
-def verdict_rows(found: Solved) -> list[Row]:
+def verdict_rows(found: SolvedSequence) -> list[FigureRow]:
     """What a sequence as a whole was judged by."""
     rows = camera_rows(found.cameras, found.config.verdict)
     if found.is_alone:
@@ -47,7 +47,7 @@ def verdict_rows(found: Solved) -> list[Row]:
     return rows
 
 
-def camera_rows(cameras: CamerasQuality | None, config: CamerasVerdictConfig) -> list[Row]:
+def camera_rows(cameras: CamerasQuality | None, config: CamerasVerdictConfig) -> list[FigureRow]:
     """What cameras were judged by, which needs nobody."""
     cuts_share = registered = error_px = step = factor = sigma = again = second = None
     if cameras is not None:
@@ -86,7 +86,7 @@ def camera_rows(cameras: CamerasQuality | None, config: CamerasVerdictConfig) ->
     ]
 
 
-def _travel_rows(cameras: CamerasQuality | None, config: CamerasVerdictConfig) -> list[Row]:
+def _travel_rows(cameras: CamerasQuality | None, config: CamerasVerdictConfig) -> list[FigureRow]:
     """Of a camera that is said to stay in its place; none where no path was set aside for that."""
     if cameras is None or cameras.travel_set_aside is None:
         return []
@@ -99,16 +99,16 @@ def _travel_rows(cameras: CamerasQuality | None, config: CamerasVerdictConfig) -
     return [row]
 
 
-def _scale_rows(record: PseudoGtQuality | None, config: PseudoGtConfig) -> list[Row]:
+def _scale_rows(record: PseudoGtQuality | None, config: PseudoGtConfig) -> list[FigureRow]:
     """Nothing is asked of the scale where none enters."""
     share = apart = None
-    wrong: list[Row] = []
+    wrong: list[FigureRow] = []
     if record is not None and record.scale is not None and record.scale_sigma is not None:
         scale, sigma, apart = record.scale, record.scale_sigma, record.scale_disagreement
         share = sigma / abs(scale) if scale else np.inf
         if not (scale > 0 and sigma >= 0):
             said = f"{scale:.3g} ± {sigma:.2g}"
-            wrong = [Row("scale [m per unit of the cameras]", said, "> 0", False)]
+            wrong = [FigureRow("scale [m per unit of the cameras]", said, "> 0", False)]
     most = config.verdict.max_scale_sigma_share
     row = _row("standard error of the scale [%]", share, most, unit=100)
     if row.met is False and record is not None and not record.scale_matters:
@@ -118,7 +118,7 @@ def _scale_rows(record: PseudoGtQuality | None, config: PseudoGtConfig) -> list[
     return [*wrong, row, _row(name, apart, config.verdict.max_cue_disagreement)]
 
 
-def frame_rows(found: Solved) -> list[Row]:
+def frame_rows(found: SolvedSequence) -> list[FigureRow]:
     """What single frames were judged by: the worst of all frames, and how many are beyond."""
     world_from_cam, config = found.world_from_cam, found.config.verdict
     if world_from_cam is None:
@@ -142,7 +142,7 @@ def frame_rows(found: Solved) -> list[Row]:
     return rows
 
 
-def class_rows(figures: MotionFigures, config: MotionClassConfig) -> list[Row]:
+def class_rows(figures: MotionFigures, config: MotionClassConfig) -> list[FigureRow]:
     """What the camera's class was decided on; they are borders, so none is met or missed."""
     line_m, circle_m = figures.line_rms_m, figures.circle_rms_m
     share = circle_m / line_m if circle_m is not None and line_m else None
@@ -156,7 +156,7 @@ def class_rows(figures: MotionFigures, config: MotionClassConfig) -> list[Row]:
                 f"circular from {config.bend_deg:g}"),
         _border("circle’s residuals over a line’s", share,
                 f"circular up to {config.bend_share:g}"),
-        Row("the person is inside the circle",
+        FigureRow("the person is inside the circle",
             "yes" if figures.goes_round else "no",
             "circular only if so", None),
         _border("length of the way [m]", figures.path_m, ""),
@@ -164,7 +164,7 @@ def class_rows(figures: MotionFigures, config: MotionClassConfig) -> list[Row]:
     ]  # fmt: skip
 
 
-def _kept_rows(found: Solved) -> list[Row]:
+def _kept_rows(found: SolvedSequence) -> list[FigureRow]:
     """Frames that the data set or the video itself doubts count for nothing."""
     rows = []
     for person, reasons in enumerate(found.reasons if found.is_solved else ()):
@@ -176,7 +176,7 @@ def _kept_rows(found: Solved) -> list[Row]:
     return rows
 
 
-def _fit_rows(found: Solved) -> list[Row]:
+def _fit_rows(found: SolvedSequence) -> list[FigureRow]:
     """How the bodies lie on the people in the pictures."""
     rows, config = [], found.config.verdict
     for person, fit in enumerate(() if found.record is None else found.record.picture_fits):
@@ -195,7 +195,7 @@ def _fit_rows(found: Solved) -> list[Row]:
     return rows
 
 
-def focal_row(focal: FocalEstimate | None, config: IntrinsicsConfig) -> Row:
+def focal_row(focal: FocalEstimate | None, config: IntrinsicsCheckConfig) -> FigureRow:
     """What the 2D keypoints of 3DPW ask for."""
     factor, sigma = (None, None) if focal is None else (focal.factor, focal.sigma)
     return _focal_row("the 2D keypoints", factor, sigma, config.max_focal_deviation, config.sigmas)
@@ -203,32 +203,32 @@ def focal_row(focal: FocalEstimate | None, config: IntrinsicsConfig) -> Row:
 
 def _focal_row(
     who: str, factor: float | None, sigma: float | None, deviation: float, sigmas: float
-) -> Row:
+) -> FigureRow:
     said = f"1 ± {deviation:g}, beyond it by {sigmas:g} standard errors"
     name = f"focal length that {who} ask{'' if who.endswith('s') else 's'} for, over the given one"
     if factor is None or sigma is None:
-        return Row(name, NO_FIGURE, said, None)
+        return FigureRow(name, NO_FIGURE, said, None)
     beyond = abs(factor - 1.0) - deviation
-    return Row(name, f"{factor:.3f} ± {sigma:.3f}", said, not beyond > sigmas * sigma)
+    return FigureRow(name, f"{factor:.3f} ± {sigma:.3f}", said, not beyond > sigmas * sigma)
 
 
 def _row(
     name: str, value: float | None, threshold: float, spec: str = ".3g", *,
     least: bool = False, unit: int = 1,
-) -> Row:  # fmt: skip
+) -> FigureRow:  # fmt: skip
     """A figure that must be at most (or at least) its threshold."""
     said = f"{'≥' if least else '≤'} {unit * threshold:g}"
     if value is None:
-        return Row(name, NO_FIGURE, said, None)
+        return FigureRow(name, NO_FIGURE, said, None)
     met = value >= threshold if least else value <= threshold
-    return Row(name, compared("{}", unit * value, unit * threshold, spec), said, met)
+    return FigureRow(name, compared("{}", unit * value, unit * threshold, spec), said, met)
 
 
-def _share(name: str, value: float | None, least: float) -> Row:
+def _share(name: str, value: float | None, least: float) -> FigureRow:
     return _row(f"{name} [%]", value, least, ".1f", least=True, unit=100)
 
 
-def _worst(name: str, values: np.ndarray, threshold: float, *, least: bool = False) -> Row:
+def _worst(name: str, values: np.ndarray, threshold: float, *, least: bool = False) -> FigureRow:
     """The largest of a figure, or the least, and how many are beyond the threshold."""
     known = values[np.isfinite(values)]
     if not len(known):
@@ -238,5 +238,5 @@ def _worst(name: str, values: np.ndarray, threshold: float, *, least: bool = Fal
     return row._replace(value=f"{row.value} ({beyond} beyond)") if beyond else row
 
 
-def _border(name: str, value: float | None, borders: str) -> Row:
-    return Row(name, NO_FIGURE if value is None else f"{value:.3g}", borders, None)
+def _border(name: str, value: float | None, borders: str) -> FigureRow:
+    return FigureRow(name, NO_FIGURE if value is None else f"{value:.3g}", borders, None)

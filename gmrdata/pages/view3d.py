@@ -18,7 +18,7 @@ from markupsafe import Markup
 from gmrdata.pages.html import render, write_page
 from gmrdata.pages.plots import COLOURS, aligned_paths
 from gmrdata.pages.report_data import ClipReport
-from gmrdata.pages.solved import Solved
+from gmrdata.pages.solved import SolvedSequence
 from gmrdata.pages.solved_plots import person_role
 from gmrdata.values.body import BodyModel
 from gmrdata.values.camera import CameraPath
@@ -44,7 +44,7 @@ class ViewedPerson:
 
 
 @dataclass(frozen=True, eq=False)
-class View:
+class ViewedWorld:
     """A world, z up, over T frames."""
 
     times_s: np.ndarray  # (T,)
@@ -59,7 +59,7 @@ class View:
         return np.arange(0, len(self.times_s), -(-len(self.times_s) // MOST_FRAMES))
 
 
-def view_of(found: Solved) -> View:
+def view_of(found: SolvedSequence) -> ViewedWorld:
     """The world of a solved sequence; MissingInput where there is nothing to look at."""
     if found.camera is None and not found.clips:
         raise MissingInput("no camera and no motion was found, so there is nothing to turn round")
@@ -77,10 +77,10 @@ def view_of(found: Solved) -> View:
     if not len(times_s):  # a data set's frames have a rate alone
         rates_hz = [clip.motion.fps_hz for clip in found.clips.values()]
         times_s = np.arange(found.n_frames) / next(iter(rates_hz), 1.0)
-    return View(times_s, people, found.camera, found.world_points, found.unit)
+    return ViewedWorld(times_s, people, found.camera, found.world_points, found.unit)
 
 
-def view_of_clip(clip: ClipReport) -> View:
+def view_of_clip(clip: ClipReport) -> ViewedWorld:
     """The true and the recovered person, and the recovered camera, in the true world."""
     pelvis_m, world_from_cam = aligned_paths(clip)
     motion, camera = clip.pseudo.motion, clip.pseudo.camera
@@ -92,16 +92,16 @@ def view_of_clip(clip: ClipReport) -> View:
         ViewedPerson(clip.true, "person-pale", clip.body),
         ViewedPerson(replace(clip.pseudo, motion=moved), "person", clip.body),
     )
-    return View(np.arange(motion.n_frames) / motion.fps_hz, people, camera)
+    return ViewedWorld(np.arange(motion.n_frames) / motion.fps_hz, people, camera)
 
 
-def write_view(path: Path, view: View) -> Path:
+def write_view(path: Path, view: ViewedWorld) -> Path:
     """Write the file; gives its path."""
     three = Markup(_three_js())  # trimesh's own text, not a value of ours
     return write_page(path, render("view3d", three=three, view=_described(view)))
 
 
-def _described(view: View) -> dict[str, object]:
+def _described(view: ViewedWorld) -> dict[str, object]:
     """What the script takes: numbers in little-endian base64."""
     rows, camera = view.rows, view.camera
     points = np.zeros((0, 3)) if view.points is None else view.points

@@ -45,7 +45,7 @@ class TableRow(Config):
     """Why clips of the set are not scored, by id."""
 
 
-class TrainingSet(Config):
+class TrainedOn(Config):
     """A manifest, and its clips that were trained on."""
 
     name: str
@@ -57,7 +57,7 @@ class TableData(Config):
     """What was trained and scored on."""
 
     paper: str
-    training: tuple[TrainingSet, ...]
+    training: tuple[TrainedOn, ...]
     left_out: dict[str, int]
     """Their clips that were not trained on, by reason."""
     network: str | None

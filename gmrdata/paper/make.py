@@ -21,7 +21,7 @@ from gmrdata.gmr.runs import (
     usable_files,
 )
 from gmrdata.gmr.train import train
-from gmrdata.manifest.current import Clip
+from gmrdata.manifest.current import ClipEntry
 from gmrdata.manifest.read import read_data_set
 from gmrdata.manifest.write import ClipAbout, ClipFiles, ManifestHead, clip_entry, write_manifest
 from gmrdata.paper import ScaleName, comparison
@@ -30,10 +30,10 @@ from gmrdata.paper.plan import (
     Given,
     JointConfig,
     Plan,
-    Probe,
-    Row,
+    RecipeRow,
     Scoring,
     TableRecipe,
+    TrainingCost,
     plan_table,
     probe_training,
     train_config,
@@ -86,7 +86,7 @@ def held_out_set(
     return run_stage("held-out", out_dir, config, inputs, work, run=run) / "manifest.yaml"
 
 
-def _copied(file: ClipFile, folder: Path) -> Clip:
+def _copied(file: ClipFile, folder: Path) -> ClipEntry:
     entry, valid = file.entry, file.load().valid
     path = resolve_inside(folder, f"clips/{entry.id}.npz")
     # The arrays as they are: written anew, rotations would be rounded.
@@ -187,7 +187,7 @@ def _record(
 
 
 def _row(
-    plan: Plan, row: Row, scores: Sequence[Scores], classes: Mapping[str, str]
+    plan: Plan, row: RecipeRow, scores: Sequence[Scores], classes: Mapping[str, str]
 ) -> comparison.TableRow:
     used = {one.training for one in plan.scorings.get(row.name, ())}
     configs = [config for id, config in plan.trainings.items() if id in used]
@@ -211,7 +211,7 @@ def _row(
 
 
 def _over_seeds(
-    scores: Sequence[Scores], method: Method, row: Row | None = None
+    scores: Sequence[Scores], method: Method, row: RecipeRow | None = None
 ) -> PaperMetrics[comparison.OverSeeds]:
     found = {}
     for metric in METRICS:
@@ -222,7 +222,7 @@ def _over_seeds(
     return PaperMetrics(**found)
 
 
-def clip_figure(metric: Metric, scores: Scores, method: Method, row: Row | None) -> float:
+def clip_figure(metric: Metric, scores: Scores, method: Method, row: RecipeRow | None) -> float:
     """Mean over all motions of the clips that count."""
     if row is None or row.clips == "all":
         return scores.overall.paper().get(method).get(metric)
@@ -238,7 +238,7 @@ def clip_figure(metric: Metric, scores: Scores, method: Method, row: Row | None)
 _DOES = {"still": "stands still", "moving": "moves"}
 
 
-def _counts(row: Row, camera_motion: str) -> bool:
+def _counts(row: RecipeRow, camera_motion: str) -> bool:
     """Whether clips of a class of camera motion count in a row."""
     if row.clips == "all":
         return True
@@ -264,7 +264,7 @@ def _data(plan: Plan, overall: GroupScore) -> comparison.TableData:
         remark(f"{what}{known}: a network's figures are too good")
     return comparison.TableData(
         paper=plan.recipe.paper_data,
-        training=tuple(comparison.TrainingSet(name=_name_of(path), clips=n) for path, n in sets),
+        training=tuple(comparison.TrainedOn(name=_name_of(path), clips=n) for path, n in sets),
         left_out=dict(left_out),
         network=None if given.network is None else load_gmr(given.network).name,
         estimator=given.estimator,
@@ -298,7 +298,7 @@ def planned_runs(
 ) -> tuple[list[tuple[str, ...]], list[str]]:
     """The trainings of a table as rows under `HEADINGS`, and lines on the sum of what is left.  The
     estimate is of the network's forward and backward pass here; loss and data come on top."""
-    probed: dict[object, Probe] = {}
+    probed: dict[object, TrainingCost] = {}
     rows: list[tuple[str, ...]] = []
     left_minutes: list[float | None] = []
     look, workers = Run(anew=run.redo, only_look=True), run.workers or 2

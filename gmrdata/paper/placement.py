@@ -232,7 +232,7 @@ NOT_TOLD = "too few joints detected, or none of them before the camera"
 
 
 @dataclass(frozen=True, eq=False)
-class Placed:
+class PlacedPerson:
     """Where a person is over T rows."""
 
     pelvis_m: np.ndarray  # (T, 3) in the camera's frame [m]; NaN where it is not known
@@ -247,7 +247,7 @@ def place_person(
     intrinsics_px: np.ndarray,
     body: BodyModel,
     config: PlacementConfig,
-) -> Placed:
+) -> PlacedPerson:
     """Place a person in each row that has a pose (translation aside) and enough keypoints."""
     at_origin = replace(posed.motion, pelvis_m=np.zeros((posed.motion.n_frames, 3)))
     joints_m = motion_joints_m(body, at_origin)  # in the camera's axes
@@ -271,4 +271,4 @@ def place_person(
         image_px = project_cam(joints_m[row, used] + previous_m, intrinsics_px)
         residuals_px.append(np.linalg.norm(image_px - points[used, :2], axis=1))
     median_px = float(np.median(np.concatenate(residuals_px))) if residuals_px else None
-    return Placed(pelvis_m, tuple(missing), median_px)
+    return PlacedPerson(pelvis_m, tuple(missing), median_px)

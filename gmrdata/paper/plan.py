@@ -100,7 +100,7 @@ class RowAtScale(Config):
     """Settings that stand over the row's."""
 
 
-class Row(Config):
+class RecipeRow(Config):
     name: str
     """As the paper calls it."""
     method: Method = "gmr"
@@ -136,7 +136,7 @@ class TableRecipe(Config):
     paper_data: str
     """What the paper trained and scored on."""
     scales: dict[ScaleName, Scale]
-    rows: tuple[Row, ...] = Field(min_length=1)
+    rows: tuple[RecipeRow, ...] = Field(min_length=1)
     """The rows in the paper's order."""
 
     @model_validator(mode="after")
@@ -166,14 +166,14 @@ class TableRecipe(Config):
                 raise ValueError(f"rows: {row.name}: row {row.scores!r} has no scores of its own")
         return self
 
-    def row(self, name: str) -> Row:
+    def row(self, name: str) -> RecipeRow:
         return next(row for row in self.rows if row.name == name)
 
-    def trained_row(self, row: Row) -> Row:
+    def trained_row(self, row: RecipeRow) -> RecipeRow:
         """The row whose trainings are used for a row: itself, or that of `network`."""
         return row if row.network is None else self.row(row.network)
 
-    def scored_row(self, row: Row) -> Row:
+    def scored_row(self, row: RecipeRow) -> RecipeRow:
         """The row whose predictions are scored for a row: itself, or that of `scores`."""
         return row if row.scores is None else self.row(row.scores)
 
@@ -198,7 +198,11 @@ def load_table(name: str) -> TableRecipe:
 
 
 def train_config(
-    recipe: TableRecipe, row: Row, scale: ScaleName, seed: int, held_out: tuple[int | str, ...]
+    recipe: TableRecipe,
+    row: RecipeRow,
+    scale: ScaleName,
+    seed: int,
+    held_out: tuple[int | str, ...],
 ) -> TrainConfig:
     """The training of a row's network, which may be another row's; ValidationError if wrong."""
     owner = recipe.trained_row(row)
@@ -209,7 +213,7 @@ def train_config(
     return TrainConfig.of_plain(settings)
 
 
-def joint_config(recipe: TableRecipe, row: Row, scale: ScaleName, seed: int) -> JointConfig:
+def joint_config(recipe: TableRecipe, row: RecipeRow, scale: ScaleName, seed: int) -> JointConfig:
     """The training of the non-sequential model; errors as there."""
     owner = recipe.trained_row(row)
     own = _settings_of(owner, scale) if owner.method == "joint" else {}
@@ -225,7 +229,7 @@ def merged(base: Mapping[str, Any], over: Mapping[str, Any]) -> Settings:
     return found
 
 
-def _settings_of(row: Row, scale: ScaleName) -> Settings:
+def _settings_of(row: RecipeRow, scale: ScaleName) -> Settings:
     return merged(row.train, row.at.get(scale, RowAtScale()).train)
 
 
@@ -249,7 +253,7 @@ class Given:
         return self.held_out or (() if self.scored else scale.held_out_subjects)
 
 
-def lacking(recipe: TableRecipe, row: Row, scale: Scale, given: Given) -> list[str]:
+def lacking(recipe: TableRecipe, row: RecipeRow, scale: Scale, given: Given) -> list[str]:
     """What has to be given for a row and is not, in words."""
     # Another network's poses are of filmed clips, not of those that are held out of the training.
     has_own_clips = row.method == "gmr" and row.poses == "true" and bool(given.subjects(scale))
@@ -271,7 +275,7 @@ def lacking(recipe: TableRecipe, row: Row, scale: Scale, given: Given) -> list[s
 
 @dataclass(frozen=True)
 class Scoring:
-    row: Row  # where several rows use one score, the one whose predictions are scored
+    row: RecipeRow  # where several rows use one score, the one whose predictions are scored
     id: str  # its folder below scores/
     training: str | None  # id of the one whose network is scored
 
@@ -291,7 +295,7 @@ class Plan:
     def subjects(self) -> tuple[int | str, ...]:
         return self.given.subjects(self.recipe.scales[self.scale])
 
-    def shown_name(self, row: Row) -> str:
+    def shown_name(self, row: RecipeRow) -> str:
         """What a row is called here, with the estimator's name in VIBE's place."""
         name, given = row.at.get(self.scale, RowAtScale()).name or row.name, self.given
         if given.estimator == VIBE:
@@ -361,7 +365,7 @@ PROBED_STEPS = 2
 PROBED_S = 1.0
 
 
-class Probe(NamedTuple):
+class TrainingCost(NamedTuple):
     """How large a network is, and how long it takes."""
 
     n_parameters: int
@@ -369,7 +373,7 @@ class Probe(NamedTuple):
     basis: str  # what was timed
 
 
-def probe_training(config: TrainConfig) -> Probe:
+def probe_training(config: TrainConfig) -> TrainingCost:
     """Time a network's forward and backward pass.  Where that of whole windows is long, as many of
     their frames as take a second stand for all, which is rather too long: weights are loaded once
     for any number of frames."""
@@ -380,7 +384,7 @@ def probe_training(config: TrainConfig) -> Probe:
     model, whole = Gmr(config.model), config.windows.frames
     n_parameters = sum(values.numel() for values in model.parameters())
     if config.device != "cpu":
-        return Probe(n_parameters, None, "")
+        return TrainingCost(n_parameters, None, "")
 
     def timed_s(frames: int) -> float:
         poses = torch.zeros(config.batch_size, frames, input_size(config.model))
@@ -402,4 +406,4 @@ def probe_training(config: TrainConfig) -> Probe:
         torch.set_num_threads(threads)
     some = f"{config.batch_size} windows of {frames} of {whole} frames"
     basis = f"passes over {some}, timed here; loss and data come on top"
-    return Probe(n_parameters, step_s * whole / frames, basis)
+    return TrainingCost(n_parameters, step_s * whole / frames, basis)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from gmrdata.manifest import yaml_text
-from gmrdata.manifest.current import Clip, FrameRange, ListedClip, Manifest
+from gmrdata.manifest.current import ClipEntry, FrameRange, ListedClip, Manifest
 from gmrdata.manifest.read import published_list, read_manifest
 from gmrdata.score.table import csv_text
 from gmrdata.values.errors import BadManifest, MissingInput
@@ -42,7 +42,7 @@ class ComparedRow:
 
     sequence: str
     listed: ListedClip | None  # None: Table 7 has none of this sequence
-    clip: Clip | None  # None: we have none of this sequence
+    clip: ClipEntry | None  # None: we have none of this sequence
     kept_beyond: int  # frames that the clip keeps and that are in no row of Table 7
 
     @property
@@ -80,7 +80,7 @@ def compare_with_table7(path: Path) -> list[ComparedRow]:
     return compare(_clips_of_3dpw(find_manifest(path)), published_list("paper_table7"))
 
 
-def compare(clips: Sequence[Clip], listed: Sequence[ListedClip]) -> list[ComparedRow]:
+def compare(clips: Sequence[ClipEntry], listed: Sequence[ListedClip]) -> list[ComparedRow]:
     """Rows for clips whose rows are 3DPW's image numbers, as in every sequence file of 3DPW."""
     rows: list[ComparedRow] = []
     for row in listed:
@@ -111,7 +111,7 @@ def find_manifest(path: Path) -> Path:
     return found[0]
 
 
-def _clips_of_3dpw(path: Path) -> list[Clip]:
+def _clips_of_3dpw(path: Path) -> list[ClipEntry]:
     manifest = read_manifest(path)
     if not isinstance(manifest, Manifest) or manifest.kind != "pseudo_gt":
         raise BadManifest(f"{path}: is of kind {manifest.kind}; give one of kind pseudo_gt")

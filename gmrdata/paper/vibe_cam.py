@@ -21,7 +21,7 @@ from gmrdata.gmr.runs import given_body
 from gmrdata.motion.resample import valid_runs
 from gmrdata.paper.placement import (
     ClipKeypoints,
-    Placed,
+    PlacedPerson,
     PlacementConfig,
     clip_keypoints,
     place_person,
@@ -151,7 +151,11 @@ def load_poses(path: Path, clip: Clip, bodies: Sequence[BodyModel]) -> tuple[Cli
 
 
 def _prediction(
-    subject: predictions.Subject, posed: Clip, placed: Placed, found: ClipKeypoints, body: BodyModel
+    subject: predictions.Subject,
+    posed: Clip,
+    placed: PlacedPerson,
+    found: ClipKeypoints,
+    body: BodyModel,
 ) -> predictions.Prediction:
     seen = replace(posed.motion, pelvis_m=placed.pelvis_m)
     source = f"VIBE-CAM: {seen.source}, placed by 2D keypoints, camera frame taken as world"

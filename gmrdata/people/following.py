@@ -29,9 +29,9 @@ from gmrdata.people.landmark_network import (
     LANDMARKS,
     LIMBS,
     N_LANDMARKS,
-    Crop,
+    LandmarkCrop,
     LandmarkNetwork,
-    Person,
+    PersonInCrop,
     crop_around,
     look_mirrored,
     open_landmark_network,
@@ -287,7 +287,7 @@ def follow_people(
         detect = open_detector(networks.detector, people)
         with ThreadPoolExecutor(1) as beside:
 
-            def mirrored(image: np.ndarray, crop: Crop) -> Future[Person]:
+            def mirrored(image: np.ndarray, crop: LandmarkCrop) -> Future[PersonInCrop]:
                 return beside.submit(look_mirrored, other, image, crop)
 
             follower = _Follower(frames, partial, config, detect, look, mirrored)
@@ -347,7 +347,7 @@ class _Follower:
     config: FollowConfig
     detect: Detector
     look: LandmarkNetwork
-    mirrored: Callable[[np.ndarray, Crop], Future[Person]]
+    mirrored: Callable[[np.ndarray, LandmarkCrop], Future[PersonInCrop]]
     """`look_mirrored` by a network of its own, in another thread."""
     detections: list[Detections] = field(default_factory=list)  # of the frames gone through
     n_pieces: int = 0
@@ -399,7 +399,9 @@ class _Follower:
                 earlier += self._go_back(newcomer, row)
         return here + earlier
 
-    def _first_look(self, image: np.ndarray, box_px: np.ndarray) -> tuple[Person, Crop]:
+    def _first_look(
+        self, image: np.ndarray, box_px: np.ndarray
+    ) -> tuple[PersonInCrop, LandmarkCrop]:
         """The person in a detector's box, and the crop in which it was seen.
 
         Who lies or bends down is wider than tall, and in an upright crop the network, which knows
@@ -416,7 +418,9 @@ class _Follower:
         ]
         return self._grown(image, *max(found, key=lambda one: self._reach(one[0])))
 
-    def _head_up_or_down(self, image: np.ndarray, upright: Crop) -> tuple[Person, Crop]:
+    def _head_up_or_down(
+        self, image: np.ndarray, upright: LandmarkCrop
+    ) -> tuple[PersonInCrop, LandmarkCrop]:
         """The person in a crop: head down, as in the picture of a camera that is mounted so, only
         where the upright look shows hardly anything and the other one clearly more."""
         person, crop = self._settled(image, upright, 1)
@@ -428,7 +432,9 @@ class _Follower:
             return other, turned
         return person, crop
 
-    def _settled(self, image: np.ndarray, crop: Crop, times: int) -> tuple[Person, Crop]:
+    def _settled(
+        self, image: np.ndarray, crop: LandmarkCrop, times: int
+    ) -> tuple[PersonInCrop, LandmarkCrop]:
         """The person in a crop, seen so often in the one that landmarks give: the network knows
         such."""
         person = self.look(image, crop)
@@ -439,7 +445,9 @@ class _Follower:
             person = self.look(image, crop)
         return person, crop
 
-    def _grown(self, image: np.ndarray, person: Person, crop: Crop) -> tuple[Person, Crop]:
+    def _grown(
+        self, image: np.ndarray, person: PersonInCrop, crop: LandmarkCrop
+    ) -> tuple[PersonInCrop, LandmarkCrop]:
         """The person in a crop that no longer grows, or shows nobody beyond, where it grew much.
         Of who is hidden below the hips the box shows the upper half, and the network squeezes the
         whole body into it, a little less each time.
@@ -455,7 +463,7 @@ class _Follower:
             larger, other = seen, wanted
         return (larger, other) if other.side_px > GREW * crop.side_px else (person, crop)
 
-    def _reach(self, person: Person) -> float:
+    def _reach(self, person: PersonInCrop) -> float:
         """How far a person's landmarks reach as the outline does, from 0 to 1; less for nobody."""
         if person.score < self.config.min_score:
             return person.score - 1.0
@@ -467,7 +475,7 @@ class _Follower:
         kept = []
         for one in people:
             x, y, side_px, turn_rad = one["next_crops"]
-            crop = Crop(np.array([x, y]), side_px, turn_rad)
+            crop = LandmarkCrop(np.array([x, y]), side_px, turn_rad)
             mirrored = self.mirrored(image, crop)
             kept += self._note(self.look(image, crop), crop, mirrored, one["pieces"], image, row)
         return kept
@@ -483,9 +491,9 @@ class _Follower:
 
     def _note(
         self,
-        person: Person,
-        crop: Crop,
-        mirrored: Future[Person],
+        person: PersonInCrop,
+        crop: LandmarkCrop,
+        mirrored: Future[PersonInCrop],
         piece: int,
         image: np.ndarray,
         row: int,
@@ -516,7 +524,9 @@ class _Follower:
         }
         return [seen | {key: values.tolist() for key, values in arrays.items()}]
 
-    def _shows_another(self, person: Person, crop: Crop, image: np.ndarray, row: int) -> bool:
+    def _shows_another(
+        self, person: PersonInCrop, crop: LandmarkCrop, image: np.ndarray, row: int
+    ) -> bool:
         """Whether a closer look at a person whom others touch, or who has two boxes, shows another
         body: of two people the network may make one, and be sure of it."""
         near = (self.met_px[n].values() for n in (row - 1, row, row + 1))

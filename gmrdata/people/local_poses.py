@@ -38,7 +38,7 @@ class LocalPosesConfig(Config):
     and 50 % of their frames, 0.006 of a dancer's, 0 of others."""
 
 
-class _Recipe(Config):
+class _PosesRecipe(Config):
     poses: LocalPosesConfig
     intrinsics_px: tuple[tuple[float, float, float], ...]
     radial: tuple[float, float]
@@ -58,7 +58,7 @@ def local_poses(
     """Poses of whom `follow_people` left, which `read_system` reads.  A video in which
     nobody is seen leaves poses without people.  MissingInput and BadBodyFile name the file."""
     frames, lens = filmed
-    recipe = _Recipe(
+    recipe = _PosesRecipe(
         poses=config,
         intrinsics_px=tuple(tuple(row) for row in lens.matrix_px.tolist()),
         radial=lens.radial,

@@ -180,7 +180,7 @@ def make_masks(
         MissingExtra: torchvision is not installed, or doesn't fit torch.
         FetchFailed: torchvision could not fetch its weights.
     """
-    given = _Given(frames, people, followed_dir, run)
+    given = _MaskInputs(frames, people, followed_dir, run)
     made = {name: _make(one, given, sources_dir(out_dir) / name) for name, one in config.named}
     return unite_masks(made, frames, out_dir, _settings(config, UnionConfig), run=run)
 
@@ -292,7 +292,7 @@ def masks_seconds(masks_dir: Path) -> float:
 
 
 @dataclass(frozen=True)
-class _Given:
+class _MaskInputs:
     """What a source's masks are made of."""
 
     frames: FrameSet
@@ -301,7 +301,7 @@ class _Given:
     run: Run
 
 
-def _make(source: MaskSource, given: _Given, out_dir: Path) -> Path:
+def _make(source: MaskSource, given: _MaskInputs, out_dir: Path) -> Path:
     frames, run = given.frames, given.run
     match source:
         case SilhouetteSource():

@@ -11,9 +11,9 @@ import numpy as np
 from gmrdata.read.frames import check_images, number_in_name
 from gmrdata.read.numbers import rigid_rows, usable_rows
 from gmrdata.read.threedpw_files import (
-    Person,
     SequenceArrays,
     SequenceFiles,
+    ThreedpwPerson,
     find_sequence,
     read_sequence_file,
     require_inside,
@@ -105,7 +105,7 @@ def _problems(files: SequenceFiles, arrays: SequenceArrays, images: SequenceImag
     return [text for is_so, text in found if is_so]
 
 
-def _odd_60hz(person: Person, img_frame_ids: np.ndarray) -> str:
+def _odd_60hz(person: ThreedpwPerson, img_frame_ids: np.ndarray) -> str:
     """What is odd about the 60 Hz arrays: `img_frame_ids` are rows of theirs, not image numbers."""
     poses, trans = person.poses_60hz_rad, person.trans_60hz_m
     if poses is None or trans is None:
@@ -183,7 +183,7 @@ def known_rule(rule: str) -> ValidRule:
     raise BadRecipe(f"no rule {rule!r} for valid frames; there are {', '.join(rules)}")
 
 
-def frames_by_rule(person: Person, rule: ValidRule) -> np.ndarray:
+def frames_by_rule(person: ThreedpwPerson, rule: ValidRule) -> np.ndarray:
     """The frames that a rule keeps: (N,) bool."""
     confidence = person.poses2d_px[:, :, 2]
     confident = (confidence > CONFIDENT).sum(axis=1)

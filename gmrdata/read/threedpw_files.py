@@ -24,7 +24,7 @@ GENDERS = {"f": "female", "m": "male"}  # 3DPW's letters for the gender of a per
 
 
 @dataclass(frozen=True, eq=False)
-class Person:
+class ThreedpwPerson:
     """One person over the N frames of a sequence, in 3DPW's world.
 
     That world is y-up and drifts: only relative to `SequenceArrays.cam_from_world` of the same
@@ -65,7 +65,7 @@ class SequenceArrays:
     """(N, 4, 4) rigid transforms [m], OpenCV camera axes; `cam_poses`, world to camera."""
     img_frame_ids: np.ndarray
     """(N,) rows of the **60 Hz** arrays (0, 2, 4, ...), not numbers of images."""
-    people: tuple[Person, ...]
+    people: tuple[ThreedpwPerson, ...]
 
     @property
     def n_frames(self) -> int:
@@ -112,7 +112,7 @@ def _sequence(content: Any) -> SequenceArrays:
     )
 
 
-def _person(content: dict[Any, Any], index: int, n_people: int, n_frames: int) -> Person:
+def _person(content: dict[Any, Any], index: int, n_people: int, n_frames: int) -> ThreedpwPerson:
     def one(*keys: str) -> Any:
         values = numbers.value_of(content, *keys)
         if not isinstance(values, list | tuple) or len(values) != n_people:
@@ -139,7 +139,7 @@ def _person(content: dict[Any, Any], index: int, n_people: int, n_frames: int) -
     if isinstance(keypoints, np.ndarray) and keypoints.shape[1:] == (3, N_KEYPOINTS):
         keypoints = keypoints.transpose(0, 2, 1)
     keypoints_px = _floats(keypoints, f"poses2d[{index}]", (n_frames, N_KEYPOINTS, 3))
-    return Person(
+    return ThreedpwPerson(
         poses_rad=floats("poses", n_frames, 72),
         trans_m=floats("trans", n_frames, 3),
         betas=betas,

@@ -12,7 +12,7 @@ from pydantic import Field
 
 from gmrdata.gmr.config import Which, weights_dir
 from gmrdata.gmr.runs import ClipFile, LazyClips, UsableClip, usable_files
-from gmrdata.manifest.current import Clip as ClipEntry
+from gmrdata.manifest.current import ClipEntry
 from gmrdata.manifest.listing import read_listing
 from gmrdata.manifest.read import listed_path
 from gmrdata.read.bodies import load_bodies
@@ -31,7 +31,7 @@ from gmrdata.score.predictions import (
 )
 from gmrdata.score.protocols import protocol_as
 from gmrdata.score.records import Protocol, ScoredFiles, ScoredNetwork, ScoredResults
-from gmrdata.score.result_files import ClipFiles, ClipName, ResultSet
+from gmrdata.score.result_files import ClipFolder, ClipName, ResultSet
 from gmrdata.score.results import (
     MatchedClip,
     RowsOfVideo,
@@ -110,7 +110,7 @@ class Predictor:
 
 
 @dataclass(frozen=True, eq=False)
-class Source:
+class PredictorSource:
     """Something that is scored by itself, still on disk."""
 
     name: str
@@ -119,7 +119,7 @@ class Source:
     run_dir: Path | None = None  # of a network
 
 
-def network_source(run_dir: Path, config: ScoreConfig) -> Source:
+def network_source(run_dir: Path, config: ScoreConfig) -> PredictorSource:
     """A trained network.
 
     Its input is each clip's own local pose and shape, so VME is of the motion alone.  Each run of
@@ -137,10 +137,10 @@ def network_source(run_dir: Path, config: ScoreConfig) -> Source:
         predict = partial(network_clip, gmr, how=config.pairing())
         return Predictor(gmr.name, model, gmr.fps_hz, predict)
 
-    return Source(run_dir.resolve().name, {"run": weights_dir(run_dir)}, opened, run_dir)
+    return PredictorSource(run_dir.resolve().name, {"run": weights_dir(run_dir)}, opened, run_dir)
 
 
-def clips_source(one: ClipFiles, config: ScoreConfig, beside: "ResultSets") -> Source:
+def clips_source(one: ClipFolder, config: ScoreConfig, beside: "ResultSets") -> PredictorSource:
     """`<clip id>.npz` for each clip, as `file_clip` reads them, on the frames of those beside."""
 
     def opened() -> Predictor:
@@ -152,7 +152,7 @@ def clips_source(one: ClipFiles, config: ScoreConfig, beside: "ResultSets") -> S
     inputs = {"predictions": one.folder}
     if config.missing == "drop":
         inputs |= {key: path for key, path in beside.inputs().items() if path != one.folder}
-    return Source(one.name, inputs, opened)
+    return PredictorSource(one.name, inputs, opened)
 
 
 UNREAD: Mapping[str, Sequence[str]] = {
@@ -187,7 +187,7 @@ def clip_names(manifest_path: Path) -> tuple[list[ClipName], list[ClipName]]:
 
 
 def check_people(
-    config: ScoreConfig, names: Sequence[ClipName], sets: Sequence[ResultSet | ClipFiles]
+    config: ScoreConfig, names: Sequence[ClipName], sets: Sequence[ResultSet | ClipFolder]
 ) -> None:
     """Refuse a --person for a clip or a set that is not there."""
     ids = [clip.id for clip in names]
@@ -212,14 +212,14 @@ class ResultSets:
     config: ScoreConfig
     clip_folders: Sequence[Path] = ()  # of clips of gmrdata's own, which are scored beside
 
-    def source(self, one: ResultSet) -> Source:
+    def source(self, one: ResultSet) -> PredictorSource:
         """One of them.
 
         With `missing` "drop" all are scored on the frames that each of them has.
         """
         people = people_of_clips(one, self.names, self.config.person)
         inputs = self.inputs() if self.config.missing == "drop" else _result_files([one])
-        return Source(one.name, inputs, lambda: self._opened(one, people))
+        return PredictorSource(one.name, inputs, lambda: self._opened(one, people))
 
     def inputs(self) -> dict[str, Path]:
         """The files of all that are scored, by their part."""

@@ -55,7 +55,7 @@ class RowFloor(PaperMetrics[float]):
     """Class of camera motion that they are of, or "all"."""
 
 
-class Row(Config):
+class ScoreRow(Config):
     """What rows of clips and of groups have in common."""
 
     n_motions: int
@@ -79,7 +79,7 @@ class Row(Config):
         return {}
 
 
-class ClipScore(Row):
+class ClipScore(ScoreRow):
     id: str
     camera_motion: str
     """Class of its camera's motion; "none" without a camera."""
@@ -103,7 +103,7 @@ class ClipScore(Row):
         return ByMethod(predicted=self.predicted, zero=self.zero)
 
 
-class GroupScore(Row):
+class GroupScore(ScoreRow):
     """Several clips.  Intervals are of 95 %, by bootstrap over clips; None for fewer than two."""
 
     n_clips: int
@@ -260,7 +260,7 @@ class Bootstrap(Config):
     seed: int
 
 
-class Summary(Config):
+class ScoreSummary(Config):
     """Scores per clip, per class of camera motion, per type of motion and overall."""
 
     clips: tuple[ClipScore, ...]
@@ -286,7 +286,7 @@ class Summary(Config):
         return self
 
 
-class Scores(Summary, Record):
+class Scores(ScoreSummary, Record):
     """The content of `scores.json`: the figures of each clip and of groups of clips."""
 
     format: Literal["gmrdata-scores/4"] = "gmrdata-scores/4"

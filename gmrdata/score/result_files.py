@@ -55,7 +55,7 @@ class ResultSet:
 
 
 @dataclass(frozen=True)
-class ClipFiles:
+class ClipFolder:
     """A folder with `<clip id>.npz` of gmrdata's own, as `predictions.file_clip` reads them."""
 
     name: str
@@ -64,7 +64,7 @@ class ClipFiles:
 
 def find_result_sets(
     path: Path, clips: Sequence[ClipName], others: Sequence[ClipName] = ()
-) -> list[ResultSet | ClipFiles]:
+) -> list[ResultSet | ClipFolder]:
     """The sets of results of some clips in a folder, or a single file, by name.
 
     Results of other systems are read; of gmrdata's own, folders are named.  MissingInput where
@@ -106,7 +106,7 @@ def find_result_sets(
     return _distinct(path, [*_named(path, found, by_id), *own])
 
 
-def _clip_folders(path: Path, clips: Sequence[ClipName]) -> list[ClipFiles]:
+def _clip_folders(path: Path, clips: Sequence[ClipName]) -> list[ClipFolder]:
     """The folder and those in it that hold clips, or a folder `predictions` with clips."""
     if not path.is_dir():
         return []
@@ -116,11 +116,11 @@ def _clip_folders(path: Path, clips: Sequence[ClipName]) -> list[ClipFiles]:
             if any(npz_format(made / f"{clip.id}.npz") == CLIP_FORMAT for clip in clips):
                 full = made.resolve()
                 name = full.parent.name if full.name == "predictions" else full.name
-                found.append(ClipFiles(name, made))
+                found.append(ClipFolder(name, made))
     return list({one.folder: one for one in found}.values())
 
 
-def _distinct(path: Path, sets: Sequence[ResultSet | ClipFiles]) -> list[ResultSet | ClipFiles]:
+def _distinct(path: Path, sets: Sequence[ResultSet | ClipFolder]) -> list[ResultSet | ClipFolder]:
     """The sets in the order of their names, which must tell them apart."""
     names = [one.name for one in sets]
     if twice := sorted({name for name in names if names.count(name) > 1}):

@@ -24,9 +24,9 @@ from gmrdata.score.clip_errors import ClipErrors, across_clips, clip_errors
 from gmrdata.score.compare import CompareConfig, compare
 from gmrdata.score.predictions import PredictedClip, on_its_body
 from gmrdata.score.predictors import (
+    PredictorSource,
     ResultSets,
     ScoreConfig,
-    Source,
     check_people,
     check_read,
     clip_names,
@@ -35,7 +35,7 @@ from gmrdata.score.predictors import (
 )
 from gmrdata.score.protocols import H36M_JOINTS, H36M_ROWS, with_mesh_joints
 from gmrdata.score.records import Bootstrap, Protocol, Scores
-from gmrdata.score.result_files import COMPARISON, ClipFiles, find_result_sets
+from gmrdata.score.result_files import COMPARISON, ClipFolder, find_result_sets
 from gmrdata.score.summary import beside_floor, read_fitting_floor, summarise
 from gmrdata.score.table import csv_rows, scores_markdown, write_table_files
 from gmrdata.stage import recipes
@@ -93,7 +93,7 @@ def score(
     named, or none of a clip's frames.  BadBodyFile where the two bodies have different meshes.
     """
     optional = (body_path, predictions_body_path, floor_path, joint_regressor_path)
-    given = _Given(Path(manifest_path), *(None if it is None else Path(it) for it in optional))
+    given = _ScoredOn(Path(manifest_path), *(None if it is None else Path(it) for it in optional))
     config, out_dir = config or ScoreConfig(), Path(out_dir)
     sources = _sources(predictor, given, config)
     of_folders = zip(_folders(out_dir, sources), sources, strict=True)
@@ -107,7 +107,7 @@ def score(
     return Scored(tuple(scores), compare(scores, out_dir / COMPARISON, compared, run=run))
 
 
-def _folders(out_dir: Path, sources: Sequence[Source]) -> list[Path]:
+def _folders(out_dir: Path, sources: Sequence[PredictorSource]) -> list[Path]:
     """Where scores go: those of several sets into a folder each, in one that is no stage's own."""
     if len(sources) == 1:
         return [out_dir]
@@ -124,7 +124,7 @@ def plan_scores(
     predictor: Path | str, manifest_path: Path | str, config: ScoreConfig
 ) -> list[tuple[str, ...]]:
     """Rows of `PLAN_HEADINGS`: what `score` would score, and on what; errors as there."""
-    given = _Given(Path(manifest_path), None, None, None, None)
+    given = _ScoredOn(Path(manifest_path), None, None, None, None)
     files, skipped, _ = usable_files(given.manifest_path)
     n_frames = sum(file.entry.n_frames for file in files)
     found = [one.name for one in _sources(predictor, given, config)]
@@ -132,7 +132,7 @@ def plan_scores(
 
 
 @dataclass(frozen=True)
-class _Given:
+class _ScoredOn:
     """What predictions are scored on, and beside."""
 
     manifest_path: Path
@@ -148,7 +148,7 @@ class _Given:
         return inputs | {key: path for key, path in optional.items() if path is not None}
 
 
-def _sources(predictor: Path | str, given: _Given, config: ScoreConfig) -> list[Source]:
+def _sources(predictor: Path | str, given: _ScoredOn, config: ScoreConfig) -> list[PredictorSource]:
     """What is scored by itself: the network, or each set of predictions in a folder."""
     config.its_protocol()  # or an error, before anything is read
     if is_network(predictor):
@@ -159,19 +159,19 @@ def _sources(predictor: Path | str, given: _Given, config: ScoreConfig) -> list[
     (names, others), path = clip_names(given.manifest_path), Path(predictor)
     found = find_result_sets(path, names, others)
     check_people(config, names, found)
-    results = [one for one in found if not isinstance(one, ClipFiles)]
+    results = [one for one in found if not isinstance(one, ClipFolder)]
     check_read(config, "results of other systems" if results else "clips of gmrdata")
     body_path = given.predictions_body_path or given.body_path
-    folders = [one.folder for one in found if isinstance(one, ClipFiles)]
+    folders = [one.folder for one in found if isinstance(one, ClipFolder)]
     sets = ResultSets(path, results, names, given.manifest_path, body_path, config, folders)
     return [
-        clips_source(one, config, sets) if isinstance(one, ClipFiles) else sets.source(one)
+        clips_source(one, config, sets) if isinstance(one, ClipFolder) else sets.source(one)
         for one in found
     ]
 
 
 def _write_scores(
-    out_dir: Path, source: Source, given: _Given, config: ScoreConfig, run: Run
+    out_dir: Path, source: PredictorSource, given: _ScoredOn, config: ScoreConfig, run: Run
 ) -> Path:
     def work(partial_dir: Path) -> None:
         scores = _scores(source, given, config)
@@ -185,7 +185,7 @@ def _write_scores(
     return run_stage("score", out_dir, config, inputs, work, run=run) / "scores.json"
 
 
-def _if_trained_on(source: Source, manifest_path: Path) -> list[str]:
+def _if_trained_on(source: PredictorSource, manifest_path: Path) -> list[str]:
     """A sentence where a network was trained on this very manifest, as its run's record says."""
     run_dir = source.run_dir
     if run_dir is None or not (run_dir / STAGE_FILE).is_file():
@@ -199,7 +199,7 @@ def _if_trained_on(source: Source, manifest_path: Path) -> list[str]:
     return [f"The network was trained on this manifest{but}: its figures are too good."]
 
 
-def _scores(source: Source, given: _Given, config: ScoreConfig) -> Scores:
+def _scores(source: PredictorSource, given: _ScoredOn, config: ScoreConfig) -> Scores:
     one, protocol = source.open(), config.its_protocol()
     files, rejected, manifest = usable_files(given.manifest_path)
     floor = regressor = None

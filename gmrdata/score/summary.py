@@ -101,7 +101,7 @@ def paired_difference(
 
 
 T = TypeVar("T")
-R = TypeVar("R", bound=records.Row)
+R = TypeVar("R", bound=records.ScoreRow)
 BELOW: dict[Metric, str] = {
     "ome_deg": "OME {:.3f}° is below {:.3f}°",
     "tme_mm": "TME {:.2f} mm is below {:.2f} mm",
@@ -123,7 +123,7 @@ def summarise(
     resamples: int,
     rng: np.random.Generator,
     protocol: Protocol | None = None,
-) -> records.Summary:
+) -> records.ScoreSummary:
     """Scores of one clip or more: per clip, per class, per type and overall."""
 
     @cache
@@ -133,7 +133,7 @@ def summarise(
 
     # What draws first decides the figures of the others: the order stays.
     overall = _group(scored, draws)
-    return records.Summary(
+    return records.ScoreSummary(
         clips=tuple(map(_clip, scored)),
         overall=overall,
         over_time=over_time(scored, fps_hz, draws),
@@ -307,7 +307,7 @@ def read_fitting_floor(path: Path, manifest_path: Path, kind: str, fps_hz: float
     return floor
 
 
-def beside_floor(scores: records.Summary, floor: Floor) -> records.Summary:
+def beside_floor(scores: records.ScoreSummary, floor: Floor) -> records.ScoreSummary:
     """Scores with a floor in each row, and a sentence for each row with a score below it.
 
     A row's floor is that of its class of camera motion; where the floor has none, that of all.
@@ -316,7 +316,7 @@ def beside_floor(scores: records.Summary, floor: Floor) -> records.Summary:
     clips = tuple(_beside(clip, clip.camera_motion, floor) for clip in scores.clips)
     classes = {name: _beside(row, name, floor) for name, row in scores.camera_motion.items()}
     overall = _beside(scores.overall, "all", floor)
-    rows: list[tuple[str, records.Row]] = [(clip.id, clip) for clip in clips]
+    rows: list[tuple[str, records.ScoreRow]] = [(clip.id, clip) for clip in clips]
     rows += [*((f"all {name}", row) for name, row in classes.items()), ("all", overall)]
     statements = tuple(_statement(name, row) for name, row in rows if row.below_floor)
     changes = {"clips": clips, "camera_motion": classes, "overall": overall}
@@ -339,7 +339,7 @@ def _errors_of(group: FloorGroup, of: str) -> records.RowFloor | None:
     return None if None in errors.values() else records.RowFloor(of=of, **errors)
 
 
-def _statement(name: str, row: records.Row) -> str:
+def _statement(name: str, row: records.ScoreRow) -> str:
     assert row.floor is not None
     score, own = row.paper().predicted, row.floor
     parts = ", ".join(BELOW[one].format(score.get(one), own.get(one)) for one in row.below_floor)

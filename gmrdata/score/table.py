@@ -164,7 +164,7 @@ def _shown_name(kind: str, name: str) -> str:
     return f"all {name}" if kind in ("camera_motion", "motion_type", "subset") else name
 
 
-def _cells(row: records.Row, metrics: Sequence[str]) -> tuple[str, ...]:
+def _cells(row: records.ScoreRow, metrics: Sequence[str]) -> tuple[str, ...]:
     figures, intervals = row.figures("predicted"), row.intervals("predicted")
     cells = []
     for metric in metrics:

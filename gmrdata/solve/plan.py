@@ -19,7 +19,7 @@ from gmrdata.solve.request import (
     people_of,
 )
 from gmrdata.solve.solve import chosen_body, require_of_frames
-from gmrdata.solve.videos import Batch, prepared
+from gmrdata.solve.videos import VideoBatch, prepared
 from gmrdata.stage.progress import track
 from gmrdata.values.errors import GmrdataError
 from gmrdata.values.frame_set import FrameSet
@@ -119,7 +119,7 @@ def plan_stages(frames: FrameSet, stages: Sequence[str], *, alone: bool = False)
     return VideoPlan(n_images, size_px, {name: s * (name in stages) for name, s in seconds.items()})
 
 
-class Plan(NamedTuple):
+class PlannedVideos(NamedTuple):
     """What is to be done with one video, or with each of a batch."""
 
     is_of_one: bool
@@ -138,7 +138,7 @@ def plan_videos(
     gravity: str | Path | None = None,
     part: VideoConfig | None = None,
     config: SolveConfig = DEFAULT_CONFIG,
-) -> Plan:
+) -> PlannedVideos:
     """The plan of `solve_video`, or for several of `solve_videos`, and about how long it takes on
     two cores; nothing is made.  Heights and gravity change neither.  Errors as there."""
     paths = paths_of(sources)
@@ -150,12 +150,12 @@ def plan_videos(
     found = find_videos(paths)
     if found is None:
         planned = plan_video(request.of(NamedVideo("", paths[0], results), body), config)
-        return Plan(True, planned.rows, planned.summary(paths[0]))
-    batch = Batch(Path(), request, config, body)
+        return PlannedVideos(True, planned.rows, planned.summary(paths[0]))
+    batch = VideoBatch(Path(), request, config, body)
     return plan_batch(prepared(found, batch, results).videos, batch)
 
 
-def plan_batch(videos: Sequence[NamedVideo], batch: Batch) -> Plan:
+def plan_batch(videos: Sequence[NamedVideo], batch: VideoBatch) -> PlannedVideos:
     """Plan every video; those that can't be read are listed with the reason."""
     rows: list[tuple[str, ...]] = []
     bad, n_images, all_s, most_gb = [], 0, 0.0, 0.0
@@ -177,4 +177,4 @@ def plan_batch(videos: Sequence[NamedVideo], batch: Batch) -> Plan:
     rows.append(("all", str(n_images), "", "", f"{all_s:.0f}"))
     says = f"{n_read} videos, {n_images} images: about {all_s / 3600:.2g} h on two cores"
     says += f", up to {most_gb:.1f} GB of memory for each at work" if n_read else ""
-    return Plan(False, rows, says, bad)
+    return PlannedVideos(False, rows, says, bad)

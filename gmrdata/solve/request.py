@@ -18,8 +18,7 @@ from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.values.errors import BadRecipe, MissingInput, NoReconstruction
 from gmrdata.values.files import as_paths
 from gmrdata.values.frame_set import FrameSet, require_rate
-from gmrdata.values.people import EstimatedPeople as PeopleOfSystem
-from gmrdata.values.people import PersonFiles
+from gmrdata.values.people import EstimatedPeople, PersonFiles
 from gmrdata.values.records import Config
 from gmrdata.world.bodies import BodiesConfig
 from gmrdata.world.recipe import PseudoGtConfig
@@ -98,7 +97,7 @@ class GivenPeople:
 
 
 @dataclass(frozen=True)
-class EstimatedPeople:
+class PeopleBySystem:
     """People as a system sees them."""
 
     results_path: Path | None = None
@@ -113,13 +112,13 @@ class SolveRequest:
     """One sequence."""
 
     source: Path  # a video file, of which `part` says what is taken; or a folder of images
-    people: GivenPeople | EstimatedPeople | None = None  # None for cameras alone
+    people: GivenPeople | PeopleBySystem | None = None  # None for cameras alone
     lens: GivenIntrinsics | None = None  # what is known of it; None for nothing
     fps_hz: float | None = None  # of a folder of images; a video has times
     part: VideoConfig | None = None
     gravity_path: Path | None = None  # what the phone felt, as `read_gravity` takes it
 
-    def check(self) -> PeopleOfSystem | None:
+    def check(self) -> EstimatedPeople | None:
         """Refuse what can't be right before anything is made; gives people of another system.
 
         Raises:
@@ -131,7 +130,7 @@ class SolveRequest:
             if not self.source.exists():
                 raise MissingInput(f"{self.source}: no such video, or folder of images")
             require_rate(self.source, self.fps_hz, has_times=has_times(self.source))
-        if isinstance(self.people, EstimatedPeople) and self.people.results_path is not None:
+        if isinstance(self.people, PeopleBySystem) and self.people.results_path is not None:
             return read_system(self.people.results_path, "camera")
         return None
 
@@ -143,13 +142,13 @@ class SolveRequest:
     @property
     def has_own_people(self) -> bool:
         """Whether the built-in estimator looks for people."""
-        return isinstance(self.people, EstimatedPeople) and self.people.results_path is None
+        return isinstance(self.people, PeopleBySystem) and self.people.results_path is None
 
     def of(self, video: NamedVideo, body: str) -> "SolveRequest":
         """The same of another video, by a system's results where it has some."""
         people = self.people
         if video.poses_path is not None:
-            people = EstimatedPeople(video.poses_path, body)
+            people = PeopleBySystem(video.poses_path, body)
         return replace(self, source=video.path, people=people)
 
 
@@ -193,7 +192,7 @@ def people_of(
     body: str,
     config: SolveConfig,
     gravity: str | Path | None = None,
-) -> tuple[EstimatedPeople | None, Path | None]:
+) -> tuple[PeopleBySystem | None, Path | None]:
     """Who is sought in pictures, and the file or folder of another system's results.
 
     Without the networks of the built-in estimator, where nobody asked for its people, that is said.
@@ -221,4 +220,4 @@ def people_of(
             raise
         remark(f"cameras alone, without people: {error}")
         return None, None
-    return EstimatedPeople(body=body, asked=poses is not SEEN), None
+    return PeopleBySystem(body=body, asked=poses is not SEEN), None

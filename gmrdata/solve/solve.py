@@ -44,8 +44,8 @@ from gmrdata.solve.request import (
     MASKS,
     OWN_POSES,
     SFM,
-    EstimatedPeople,
     GivenPeople,
+    PeopleBySystem,
     SequenceConfig,
     SolveConfig,
     Solved,
@@ -64,10 +64,10 @@ from gmrdata.values.people import (
     FUSED,
     POSES_FILE,
     PSEUDO_GT,
+    EstimatedPeople,
     LocalPosesRecord,
     PersonFiles,
 )
-from gmrdata.values.people import EstimatedPeople as PeopleOfSystem
 from gmrdata.world.bodies import BODIES_FILE, BodiesRecord, check_people, make_bodies
 from gmrdata.world.picture_fit import PeopleMasks
 from gmrdata.world.pseudo_gt import WorldEvidence, make_pseudo_gt
@@ -153,7 +153,7 @@ def _body(request: SolveRequest, out_dir: Path, run: Run) -> Path | None:
     if request.people is None:
         what = "holds people, and now cameras alone are asked for"
         _drop([out_dir / name for name in (FUSED, PSEUDO_GT, LINES, BODIES)], run, what)
-    if not isinstance(request.people, EstimatedPeople):
+    if not isinstance(request.people, PeopleBySystem):
         return None
     return keep_body(chosen_body(request.people.body), out_dir / BODY, run=run)
 
@@ -181,14 +181,14 @@ def _frames(request: SolveRequest, out_dir: Path, run: Run) -> FrameSet:
 
 
 def require_of_frames(
-    request: SolveRequest, found: PeopleOfSystem | None, frames: FrameSet, config: SolveConfig
+    request: SolveRequest, found: EstimatedPeople | None, frames: FrameSet, config: SolveConfig
 ) -> None:
     """Refuse a lens, or people of a system, that can't be of these frames, before hours of masks
     and cameras."""
     if request.lens is not None:
         given_lens(request.lens, frames.size_px)
     if found is not None:
-        assert isinstance(request.people, EstimatedPeople) and request.people.results_path
+        assert isinstance(request.people, PeopleBySystem) and request.people.results_path
         check_people(found, request.people.results_path, frames, config.bodies)
 
 
@@ -348,7 +348,7 @@ def _own_poses_dir(solved: Solved) -> Path | None:
     """The folder of the built-in estimator that people are of: this video's, or one that was given;
     None for people of others."""
     people = solved.request.people
-    if not isinstance(people, EstimatedPeople):
+    if not isinstance(people, PeopleBySystem):
         return None
     poses_dir = people.results_path or solved.out_dir / OWN_POSES / POSES_FOLDER
     return poses_dir if (poses_dir / POSES_FILE).is_file() else None
@@ -415,7 +415,7 @@ def _masks_of_people(solved: Solved) -> PeopleMasks | None:
     if solved.config.masks is None:
         return None
     found = people_masks(solved.out_dir / MASKS, solved.config.masks, solved.followed_dir)
-    if found is None or not isinstance(solved.request.people, EstimatedPeople):
+    if found is None or not isinstance(solved.request.people, PeopleBySystem):
         return found
     assert solved.sfm_dir is not None
     return replace(found, distortion=load_quality(solved.sfm_dir).lens)
@@ -423,7 +423,7 @@ def _masks_of_people(solved: Solved) -> PeopleMasks | None:
 
 def _size_sigmas(solved: Solved) -> tuple[float, ...]:
     """By person, of whom a system sees; of bodies that are given sizes are known."""
-    if not isinstance(solved.request.people, EstimatedPeople):
+    if not isinstance(solved.request.people, PeopleBySystem):
         return ()
     record = BodiesRecord.read(solved.out_dir / BODIES / BODIES_FILE)
     return tuple(person.size_sigma for person in record.people)
@@ -468,7 +468,7 @@ def people_masks(
 
 def _fusion(solved: Solved) -> Solved:
     """People of the built-in estimator once more, with the network of the package."""
-    if not isinstance(solved.request.people, EstimatedPeople):
+    if not isinstance(solved.request.people, PeopleBySystem):
         return solved
     # Not for cameras alone, which need no network: torch takes two seconds to import.
     from gmrdata.fusion.fuse import fuse_own_people

@@ -28,7 +28,7 @@ from gmrdata.cameras.lens.intrinsics import Intrinsics
 from gmrdata.cameras.recipe import CamerasVerdictConfig
 from gmrdata.people.sources import MasksConfig
 from gmrdata.read.intrinsics import GIVEN_SIGMA
-from gmrdata.solve.request import FRAMES, EstimatedPeople, Solved
+from gmrdata.solve.request import FRAMES, PeopleBySystem, Solved
 from gmrdata.values.clip import Clip, file_name, first_reasons, load_clip
 from gmrdata.values.files import STAGE_FILE
 from gmrdata.values.frame_set import VideoRecord
@@ -242,7 +242,7 @@ def judge_video(solved: Solved) -> VideoVerdict:
         clips = [load_clip(person.clip_path) for person in solved.bodies]
         why = str(solved.unsolved)
         people = tuple(unsolved(why, len(clip.image_numbers), clip.id) for clip in clips)
-    decide = isinstance(request.people, EstimatedPeople) and request.people.asked
+    decide = isinstance(request.people, PeopleBySystem) and request.people.asked
     reasons = reasons_of(camera, people if decide else ())
     if decide and not people:
         reasons = reasons or (NOBODY, *solved.remarks)

@@ -33,7 +33,7 @@ from gmrdata.solve.request import (
     OWN_POSES,
     SEEN,
     SFM,
-    EstimatedPeople,
+    PeopleBySystem,
     SolveConfig,
     SolveRequest,
     paths_of,
@@ -126,7 +126,7 @@ After = Callable[[Path, VideoVerdict], object]
 
 
 @dataclass(frozen=True)
-class Batch:
+class VideoBatch:
     """What is asked of every video of a batch."""
 
     out_dir: Path
@@ -155,7 +155,7 @@ class Batch:
         people = self.of(video).people
         role = FRAMES_ROLE if video.path.is_dir() else "video"
         found = {role: video.path, **self.files, **self.networks.get(people is not None, {})}
-        if isinstance(people, EstimatedPeople):
+        if isinstance(people, PeopleBySystem):
             results_path = people.results_path
             found |= self.own_files if results_path is None else {"poses": results_path}
             found |= self.body_files
@@ -166,7 +166,7 @@ class Batch:
         config = self.config if request.people else self.config.for_cameras_alone
         masks = None if config.masks is None else without_files(config.masks)
         people, lens = request.people, request.lens
-        estimated = people if isinstance(people, EstimatedPeople) else None
+        estimated = people if isinstance(people, PeopleBySystem) else None
         own: OwnPoses = "no"
         if estimated is not None and request.has_own_people:
             own = "asked" if estimated.asked else "seen"
@@ -301,11 +301,11 @@ def solve_videos(
     config = config.with_heights(height_m)
     people, results_dir = people_of(poses, body, config)
     request = SolveRequest(Path(), people, lens, fps_hz, part)
-    batch = Batch(Path(out_dir), request, config, body, after, leaves)
+    batch = VideoBatch(Path(out_dir), request, config, body, after, leaves)
     return solve_batch(prepared(found, batch, results_dir).videos, batch, run)
 
 
-def prepared(found: FoundVideos, batch: Batch, poses_dir: Path | None) -> FoundVideos:
+def prepared(found: FoundVideos, batch: VideoBatch, poses_dir: Path | None) -> FoundVideos:
     """The videos with the results of systems that a folder holds; what was passed over is said.
 
     Raises:
@@ -324,7 +324,7 @@ def prepared(found: FoundVideos, batch: Batch, poses_dir: Path | None) -> FoundV
     return found
 
 
-def solve_batch(videos: Sequence[NamedVideo], batch: Batch, run: Run) -> Path:
+def solve_batch(videos: Sequence[NamedVideo], batch: VideoBatch, run: Run) -> Path:
     """Solve videos as independent jobs, and write `videos.json`; gives its path.
 
     A video that fails leaves its reason in `failed/<name>.txt`, and the others go on.  Where
@@ -351,7 +351,7 @@ def solve_batch(videos: Sequence[NamedVideo], batch: Batch, run: Run) -> Path:
     return out_dir / RECORD_FILE
 
 
-def _with_files(videos: Sequence[NamedVideo], batch: Batch) -> Batch:
+def _with_files(videos: Sequence[NamedVideo], batch: VideoBatch) -> VideoBatch:
     """With all files that the videos have in common, found once, by absolute paths: a worker of
     another machine may run in another folder."""
     request, config, files = batch.request, batch.config, dict[str, Path]()
@@ -368,18 +368,18 @@ def _with_files(videos: Sequence[NamedVideo], batch: Batch) -> Batch:
     batch = replace(batch, config=config, files=files, request=request)
     if True not in wanted:
         return batch
-    if isinstance(request.people, EstimatedPeople):
+    if isinstance(request.people, PeopleBySystem):
         batch = replace(batch, own_files=config.networks)
     if (body := chosen_body(batch.body)) == "anny":
         return replace(batch, body_files={"body": ANNY_FILE})
     body_path = Path(body).expanduser().absolute()
-    if isinstance(request.people, EstimatedPeople):
+    if isinstance(request.people, PeopleBySystem):
         people = replace(request.people, body=str(body_path))
         request = replace(request, people=people)
     return replace(batch, request=request, body=str(body_path), body_files={"body": body_path})
 
 
-def solve_listed(video: NamedVideo, batch: Batch, run: Run) -> VideoEntry:
+def solve_listed(video: NamedVideo, batch: VideoBatch, run: Run) -> VideoEntry:
     """A job: one video in its own folder as if it were alone, and the stage `entries/<name>` with
     its line.
 
@@ -403,7 +403,7 @@ def solve_listed(video: NamedVideo, batch: Batch, run: Run) -> VideoEntry:
     return EntryRecord.read(entry_dir / ENTRY_FILE).video
 
 
-def _is_whole(entry_dir: Path, folder: Path, batch: Batch) -> bool:
+def _is_whole(entry_dir: Path, folder: Path, batch: VideoBatch) -> bool:
     """Whether a video's folder still holds what its line was written of, and what is asked now."""
     try:
         record = EntryRecord.read(entry_dir / ENTRY_FILE)

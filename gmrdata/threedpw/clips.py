@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from gmrdata.motion.resample import resample, valid_runs
 from gmrdata.read.numbers import rigid_rows, smpl_rotmats, usable_rows
 from gmrdata.read.threedpw import Sequence3DPW, ValidRule, unusable_reasons
-from gmrdata.read.threedpw_files import FPS_HZ, IMU_HZ, SMPL_SHAPES, Person, SequenceArrays
+from gmrdata.read.threedpw_files import FPS_HZ, IMU_HZ, SMPL_SHAPES, SequenceArrays, ThreedpwPerson
 from gmrdata.values.body import SMPL, BodyModel, shape_on
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import Clip, camera_of
@@ -75,7 +75,7 @@ def _camera(
     return CameraPath(sequence.arrays.intrinsics_px, *size_px, world_from_cam, has_camera)
 
 
-def fitting_body(person: Person, bodies: Sequence[BodyModel], where: str) -> BodyModel:
+def fitting_body(person: ThreedpwPerson, bodies: Sequence[BodyModel], where: str) -> BodyModel:
     """The body that a person's betas belong to.
 
     An SMPL body must be of the person's gender, since 3DPW's betas are; of other bodies (the twins'
@@ -100,12 +100,12 @@ def fitting_body(person: Person, bodies: Sequence[BodyModel], where: str) -> Bod
     return body
 
 
-def shape_of(person: Person, body: BodyModel) -> np.ndarray:
+def shape_of(person: ThreedpwPerson, body: BodyModel) -> np.ndarray:
     """(S,) the betas that the body has; longer ones are cut, as every reader of 3DPW does."""
     return shape_on(body, person.betas)
 
 
-def pelvis_3dpw_m(person: Person, body: BodyModel) -> np.ndarray:
+def pelvis_3dpw_m(person: ThreedpwPerson, body: BodyModel) -> np.ndarray:
     """(N, 3) pelvis in the dataset's y-up world [m]: `trans` + J0(betas)."""
     return person.trans_m + body.rest_pelvis_m(shape_of(person, body))
 
@@ -139,7 +139,7 @@ def _in_dataset_world(
     return clip, np.where(rigid_rows(cam_from_world)[:, None, None], cam_from_world, np.nan)
 
 
-def _pelvis_off_m(person: Person, body: BodyModel) -> float:
+def _pelvis_off_m(person: ThreedpwPerson, body: BodyModel) -> float:
     """Median distance of the body's pelvis from the file's; 0 where the file has no joints."""
     if person.joints_world_m is None:
         return 0.0
@@ -217,7 +217,7 @@ def _require_one_camera(name: str, clips: Sequence[Clip]) -> None:
 
 def _person(
     clip: Clip, body: BodyModel, gender: str, poses2d_px: np.ndarray, camera: CameraPath
-) -> Person:
+) -> ThreedpwPerson:
     from gmrdata.values.skinning import motion_joints_m
 
     motion = clip.motion
@@ -225,7 +225,7 @@ def _person(
     betas = np.pad(shape, (0, max(0, SMPL_SHAPES - len(shape))))
     poses_60hz_rad, trans_60hz_m = _at_60hz(motion, body.rest_pelvis_m(shape))
     to_3dpw = np.broadcast_to(_3DPW_FROM_WORLD, (motion.n_frames, 4, 4))
-    return Person(
+    return ThreedpwPerson(
         poses_rad=poses_60hz_rad[::IMU_ROWS].copy(),
         trans_m=trans_60hz_m[::IMU_ROWS].copy(),
         betas=betas,

@@ -33,7 +33,7 @@ MAX_ITERATIONS = 50
 SETTLED = 1e-7  # the fit ends where f changes by less
 
 
-class IntrinsicsConfig(Config):
+class IntrinsicsCheckConfig(Config):
     """How the intrinsics of a sequence are checked against its 2D keypoints."""
 
     max_focal_deviation: float = Field(default=0.1, gt=0, lt=1)
@@ -71,7 +71,7 @@ class FocalEstimate:
 def estimate_focal(
     sequence: Sequence3DPW,
     bodies: Sequence[BodyModel],
-    config: IntrinsicsConfig,
+    config: IntrinsicsCheckConfig,
     rule: ValidRule = "campose_valid",
 ) -> FocalEstimate | None:
     """Fit focal length and principal point to all people's keypoints; None if they are too few.
@@ -100,7 +100,7 @@ def estimate_focal(
     )
 
 
-def intrinsics_reason(estimate: FocalEstimate | None, config: IntrinsicsConfig) -> str | None:
+def intrinsics_reason(estimate: FocalEstimate | None, config: IntrinsicsCheckConfig) -> str | None:
     """Why the intrinsics must be wrong, in words; None where nothing speaks against them."""
     if estimate is None:
         return None
@@ -118,7 +118,7 @@ def _observed(
     sequence: Sequence3DPW,
     person_index: int,
     bodies: Sequence[BodyModel],
-    config: IntrinsicsConfig,
+    config: IntrinsicsCheckConfig,
     rule: ValidRule,
 ) -> tuple[np.ndarray, np.ndarray]:
     """One person's M keypoints: design (M, 2, 3 + 3 J) and measured points from c (M, 2) [px].  The

@@ -9,7 +9,7 @@ from pydantic import Field
 from gmrdata.manifest.current import Semver
 from gmrdata.read.threedpw import ValidRule
 from gmrdata.solve.request import SequenceConfig
-from gmrdata.threedpw.intrinsics_check import IntrinsicsConfig
+from gmrdata.threedpw.intrinsics_check import IntrinsicsCheckConfig
 from gmrdata.values import limits
 from gmrdata.values.records import Config
 from gmrdata.world.recipe import Override
@@ -32,7 +32,7 @@ class ThreedpwRecipe(Config):
     """Names of sequences; all when empty."""
     overrides: dict[str, Override] = Field(default_factory=dict)
     """What a person decided of sequences, by name."""
-    intrinsics: IntrinsicsConfig = IntrinsicsConfig()
+    intrinsics: IntrinsicsCheckConfig = IntrinsicsCheckConfig()
     """How the data set's intrinsics are checked against its 2D keypoints."""
     workers: int = Field(default=2, ge=1, le=limits.MOST_WORKERS)
     """Worker processes; each uses its share of the cores for images and features, else one."""

@@ -9,8 +9,7 @@ import numpy as np
 from pydantic import NonNegativeInt
 
 from gmrdata.cameras.files import QUALITY_FILE
-from gmrdata.manifest.current import Clip as ClipEntry
-from gmrdata.manifest.current import Source
+from gmrdata.manifest.current import ClipEntry, Source
 from gmrdata.manifest.write import ClipAbout, ClipFiles, clip_entry, stage_recipe
 from gmrdata.people.sources import mask_folders, network_files, without_files
 from gmrdata.read.body_file import read_body
@@ -33,14 +32,14 @@ PEOPLE_FILE = "people.json"
 DATASET_CAMERA_FILE = "dataset_camera.npz"
 
 
-class PeopleConfig(Config):
+class SequencePeopleConfig(Config):
     """What decides the clips of a sequence: parts of `ThreedpwRecipe`."""
 
     version: int = 2  # of the files; 1 had a text in `doubts.json` for each frame
     name: str
     split: str
     valid_rule: ValidRule
-    intrinsics: intrinsics_check.IntrinsicsConfig
+    intrinsics: intrinsics_check.IntrinsicsCheckConfig
 
 
 class PeopleRecord(Record):
@@ -86,7 +85,7 @@ def make_people(
     inputs |= {"images": files.image_dir} if files.image_dir.is_dir() else {}
     inputs |= {f"body_{number}": path for number, path in enumerate(body_paths)}
     rule, intrinsics = recipe.valid_rule, recipe.intrinsics
-    config = PeopleConfig(
+    config = SequencePeopleConfig(
         name=files.name, split=files.split, valid_rule=rule, intrinsics=intrinsics
     )
     run_stage("people", out_dir, config, inputs, work, run=run)

@@ -48,7 +48,7 @@ in jumping jacks, at most 0.2 in nearly all of 312 of CMU's motions."""
 
 
 @dataclass(frozen=True, eq=False)
-class _Seen:
+class _SeenPerson:
     """What a network saw of a person, in a world that is about level."""
 
     pelvis_m: np.ndarray  # (T, 3)
@@ -63,7 +63,7 @@ def held_upright(body: BodyModel, motion: Motion) -> Motion:
     """A motion turned back over time as far as standing shows that its roll and pitch drift, in a
     world whose z axis is up on average."""
     nowhere, shown = np.zeros(motion.n_frames), shown_tilts(body, motion)
-    seen = _Seen(motion.pelvis_m, nowhere, nowhere > 0, 0.0, shown, motion.fps_hz)
+    seen = _SeenPerson(motion.pelvis_m, nowhere, nowhere > 0, 0.0, shown, motion.fps_hz)
     return _turned_level(motion, _heights_and_tilts(seen, DRIFT_SIGMA_M)[1])
 
 
@@ -83,7 +83,7 @@ def on_one_floor(body: BodyModel, motion: Motion) -> Motion | None:
     return replace(motion, pelvis_m=np.column_stack([motion.pelvis_m[:, :2], heights_m]))
 
 
-def _seen(body: BodyModel, motion: Motion) -> _Seen:
+def _seen(body: BodyModel, motion: Motion) -> _SeenPerson:
     joints_m, soles_m = motion_joints_m(body, motion), sole_points_m(body, motion)
     lowest_m = np.minimum(soles_m[:, :, 2].min(axis=1), lowest_others_m(joints_m))
     mass_m = joints_m[:, :, 2] @ MASSES
@@ -94,7 +94,7 @@ def _seen(body: BodyModel, motion: Motion) -> _Seen:
         held[start * apart + 1 : stop * apart] = False
     unheld = _unheld_share(soles_m[::apart], held[::apart], motion.fps_hz / apart)
     shown, on_floor_m = shown_tilts(body, motion), motion.pelvis_m[:, 2] - lowest_m
-    return _Seen(motion.pelvis_m, on_floor_m, held, unheld, shown, motion.fps_hz)
+    return _SeenPerson(motion.pelvis_m, on_floor_m, held, unheld, shown, motion.fps_hz)
 
 
 def _is_steep(standing_m: np.ndarray) -> bool:
@@ -198,7 +198,7 @@ def _turned_level(motion: Motion, tilts: np.ndarray) -> Motion:
     return replace(motion, root_rotmats=turns @ motion.root_rotmats, pelvis_m=pelvis_m)
 
 
-def _heights_and_tilts(seen: _Seen, drift_m: float) -> tuple[np.ndarray, np.ndarray]:
+def _heights_and_tilts(seen: _SeenPerson, drift_m: float) -> tuple[np.ndarray, np.ndarray]:
     """Heights (T,), and by how much (T, 2) the floor rises along x and y in the network's world,
     whose roll and pitch drift; where no frame is held, as standing alone shows it.
 

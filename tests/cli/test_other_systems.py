@@ -85,7 +85,7 @@ def test_a_dry_run_goes_without_resource(monkeypatch):
     assert 20 < render_set._memory_mib() < 100_000
     monkeypatch.setitem(sys.modules, "resource", None)
     assert math.isnan(render_set._memory_mib())
-    probe = render_set.Probe(0.5, 2.0, 1e5, 0.0, math.nan)
+    probe = render_set.ClipCost(0.5, 2.0, 1e5, 0.0, math.nan)
     plan = render_set.DryRun([], 1, 1, 2, 2, 1, probe)
     assert "nan" not in " ".join(render_set.summary_lines(plan))
 

@@ -12,9 +12,9 @@ from gmrdata.fusion.record import FusionRecord
 from gmrdata.read.systems.result import read_system
 from gmrdata.read.video_files import NamedVideo
 from gmrdata.solve.plan import plan_video
-from gmrdata.solve.request import EstimatedPeople, SolveConfig, SolveRequest
+from gmrdata.solve.request import PeopleBySystem, SolveConfig, SolveRequest
 from gmrdata.solve.verdict import VideoVerdict
-from gmrdata.solve.videos import Batch
+from gmrdata.solve.videos import VideoBatch
 from gmrdata.values.clip import load_clip
 from tests.filming import CAMERAS_ALONE
 from tests.fixtures.command_line import fails_cleanly
@@ -89,9 +89,9 @@ def test_a_batch_reads_the_estimator_s_networks(dolly, tmp_path):
     """Of videos whose people it looks for, and of no others."""
     files = {"landmarks": tmp_path / "net.tflite"}
     poses_path = system_files.write_joblib(tmp_path / "b.pkl", system_files.some_wham({0: 12}))
-    own_people = EstimatedPeople(asked=False)
+    own_people = PeopleBySystem(asked=False)
     request = SolveRequest(dolly.images_dir, own_people, fps_hz=10.0)
-    batch = Batch(tmp_path, request, SolveConfig(), own_files=files)
+    batch = VideoBatch(tmp_path, request, SolveConfig(), own_files=files)
     own, theirs = (
         NamedVideo("a", dolly.images_dir),
         NamedVideo("b", dolly.images_dir, poses_path),

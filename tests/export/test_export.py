@@ -17,9 +17,9 @@ from evo.tools import file_interface
 import gmrdata
 from gmrdata.cameras.files import load_quality
 from gmrdata.cli.export import SAID
-from gmrdata.export.export import Unit, _Given, _load, _sequences, _truths, _whole
+from gmrdata.export.export import Unit, _load, _sequences, _StandIns, _truths, _whole
 from gmrdata.export.formats import FORMATS, FormatName
-from gmrdata.export.sources import ClipFiles, ExportedClip, list_clips
+from gmrdata.export.sources import ExportedClip, UnreadClip, list_clips
 from gmrdata.read.body_file import save_body
 from gmrdata.read.systems.result import read_system
 from gmrdata.values import transforms
@@ -166,7 +166,7 @@ def test_a_truth_of_some_clips_is_not_filled_up_from_beside_the_others(
     found = []
     for given in (None, truth):
         truths = _truths(given, wanted)
-        loaded = [_load(one, _Given(None, None, given), truths, True) for one in wanted]
+        loaded = [_load(one, _StandIns(None, None, given), truths, True) for one in wanted]
         found.append([one.truth is not None for one in loaded if isinstance(one, ExportedClip)])
     assert found == [[True, True], [True, False]]
     assert "no truth for walk.p1" in capsys.readouterr().err
@@ -327,7 +327,7 @@ def test_people_of_a_sequence_share_the_file_of_their_one_camera(walkers, small_
 def test_folders_whose_names_become_one_are_two_sequences():
     """The people of `a b` and of `a_b` went into one scene."""
     paths = [Path(f"{name}/pseudo_gt/person_0.npz") for name in ("a b", "a_b")]
-    files = [ClipFiles(f"walk_{n}", "a_b", path) for n, path in enumerate(paths)]
+    files = [UnreadClip(f"walk_{n}", "a_b", path) for n, path in enumerate(paths)]
     assert _sequences(files) == [[files[0]], [files[1]]]
 
 

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gmrdata.manifest import yaml_text
-from gmrdata.manifest.current import Clip, CreatedBy, Manifest
+from gmrdata.manifest.current import ClipEntry, CreatedBy, Manifest
 from gmrdata.manifest.read import read_manifest
 from gmrdata.manifest.write import ManifestHead, manifest_text, write_manifest
 from gmrdata.values.errors import BadManifest
@@ -18,8 +18,8 @@ HEAD = ManifestHead(name="many", version="1.0.0", description="d", licence="l", 
 BY = CreatedBy(gmrdata="0.1.0")
 
 
-def a_clip(number: int, licence: str = "CC0") -> Clip:
-    return Clip.model_validate(
+def a_clip(number: int, licence: str = "CC0") -> ClipEntry:
+    return ClipEntry.model_validate(
         {
             "id": f"c{number}", "licence": licence, "body": "anny", "fps_hz": 30.0, "n_frames": 2,
             "source": {"dataset": "CMU", "sequence": "06_04"}, "frame": "world",

@@ -10,7 +10,7 @@ from pydantic import ValidationError
 from gmrdata.manifest import yaml_text
 from gmrdata.manifest.current import (
     FORMAT,
-    Clip,
+    ClipEntry,
     CreatedBy,
     DroppedRange,
     FileRecord,
@@ -69,7 +69,7 @@ qualities = st.builds(
 
 
 @st.composite
-def clips(draw: st.DrawFn) -> Clip:
+def clips(draw: st.DrawFn) -> ClipEntry:
     kept, dropped, start = [], [], 0
     for reason in draw(st.lists(st.none() | texts, min_size=1, max_size=5)):
         stop = start + draw(st.integers(1, 100))
@@ -78,7 +78,7 @@ def clips(draw: st.DrawFn) -> Clip:
         else:
             dropped.append(DroppedRange(start=start, stop=stop, reason=reason))
         start = stop
-    return Clip(
+    return ClipEntry(
         id=draw(ids),
         source=draw(sources),
         licence=draw(texts),
@@ -170,7 +170,7 @@ def test_models_are_frozen():
 
 def test_golden_text():
     """The bytes of format 1: if this changes, released manifests change."""
-    clip = Clip(
+    clip = ClipEntry(
         id="walk",
         source=Source(dataset="CMU", sequence="02_03"),
         licence="free",

@@ -12,10 +12,10 @@ from scipy.spatial.transform import Rotation
 from gmrdata.film.programmes import Circular, Linear, Panning, camera_path
 from gmrdata.motion.gait import make_gait
 from gmrdata.pages.report_data import (
-    ClipFigures,
+    ClipAccuracy,
     ClipReport,
     GmrSummary,
-    Quality,
+    ReconstructionQuality,
     ReportData,
     RunReport,
 )
@@ -116,7 +116,7 @@ def make_clip(small_body, tmp_path_factory) -> Callable[[str], ClipReport]:
             images_dir=images_dir,
             masks_dir=masks_dir,
             body=small_body,
-            figures=ClipFigures(
+            figures=ClipAccuracy(
                 ome_deg=0.1234,
                 tme_mm=4.567,
                 camera_rotation_deg=0.0567,
@@ -124,7 +124,7 @@ def make_clip(small_body, tmp_path_factory) -> Callable[[str], ClipReport]:
                 frames=n,
                 frames_with_camera=n,
             ),
-            quality=Quality(
+            quality=ReconstructionQuality(
                 geometry="rotation_only" if pans else "full",
                 scale=None if pans else 0.7654,
                 scale_sigma=None if pans else 0.0123,

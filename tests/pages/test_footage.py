@@ -29,7 +29,13 @@ from gmrdata.pages.footage import (
     shown_rows,
     write_footage,
 )
-from gmrdata.pages.inference import Film, draw_body, film_camera, write_body_video, write_top_view
+from gmrdata.pages.inference import (
+    Framing,
+    draw_body,
+    film_camera,
+    write_body_video,
+    write_top_view,
+)
 from gmrdata.people.silhouette import silhouette
 from gmrdata.solve.plan import MOST_PICTURES
 from gmrdata.values import transforms
@@ -236,7 +242,7 @@ def test_points_beyond_the_fold_of_a_lens_are_left_out_where_its_terms_grow_agai
     assert np.isnan(bent[1:, :2]).all()
 
 
-FILM = Film(intrinsics_from_fov(50.0, 160, 120), 160, 120)
+FILM = Framing(intrinsics_from_fov(50.0, 160, 120), 160, 120)
 
 
 def camera_at(centre_m: tuple[float, float, float]) -> np.ndarray:

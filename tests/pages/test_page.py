@@ -22,7 +22,7 @@ from gmrdata.pages import frames, sets
 from gmrdata.pages import report as report_page
 from gmrdata.pages.report import page, summary_table, write_report
 from gmrdata.pages.report_data import (
-    ClipFigures,
+    ClipAccuracy,
     ReportData,
     Summary,
     figure_texts,
@@ -271,7 +271,7 @@ def test_parts_that_are_missing_are_left_out(report):
     assert "in all" not in text
 
 
-GOOD = ClipFigures(
+GOOD = ClipAccuracy(
     ome_deg=0.1, tme_mm=1.0, camera_rotation_deg=0.1, scale_error_percent=0.0,
     frames=48, frames_with_camera=48,
 )  # fmt: skip

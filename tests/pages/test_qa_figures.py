@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from gmrdata.cameras.files import Agreement, CamerasQuality, WeakestStep
-from gmrdata.pages.solved import Solved
-from gmrdata.pages.thresholds import Row, camera_rows, verdict_rows
+from gmrdata.pages.solved import SolvedSequence
+from gmrdata.pages.thresholds import FigureRow, camera_rows, verdict_rows
 from gmrdata.values.clip import Clip, camera_of
 from gmrdata.world.judge import SolvedCameras, quality_of
 from gmrdata.world.recipe import CueEstimate, PseudoGtConfig, Verdict, verdict_of
@@ -15,7 +15,7 @@ from gmrdata.world.scale import ScaleEstimate, fuse
 from tests.reconstructions import EVIDENCE, good_quality
 from tests.world.test_verdict import GOOD, circling, clip_of, judged
 
-NOTHING = Solved(name="a")
+NOTHING = SolvedSequence(name="a")
 
 APART = (
     CueEstimate("planted_feet", 2.0, 0.02, 9, 0.01, 0),
@@ -29,7 +29,7 @@ def solved(quality: CamerasQuality, scale: ScaleEstimate) -> SolvedCameras:
     return SolvedCameras(path, "full", np.zeros((0, 3)), quality, rows, scale)
 
 
-def scale_rows(clip: Clip, verdict: Verdict, scale: ScaleEstimate) -> list[Row]:
+def scale_rows(clip: Clip, verdict: Verdict, scale: ScaleEstimate) -> list[FigureRow]:
     """The figures of the scale on the page of a clip with good cameras."""
     record = quality_of([clip], [verdict], solved(GOOD, scale), PseudoGtConfig(), [None])
     rows = verdict_rows(replace(NOTHING, record=record, clips={0: clip}))

@@ -12,7 +12,7 @@ import pytest
 from gmrdata.cameras.files import load_cameras, save_cameras
 from gmrdata.pages.batches import write_set_pages
 from gmrdata.pages.gather import gather_sequence
-from gmrdata.pages.solved import Solved
+from gmrdata.pages.solved import SolvedSequence
 from gmrdata.stage.run import Run
 from gmrdata.threedpw.recipe import SetPaths
 from gmrdata.threedpw.regenerate import Verdicts, choose, regenerate_set
@@ -136,7 +136,7 @@ def test_a_camera_of_the_data_set_that_is_none_costs_its_plots_alone(copied_out,
     verdict = Verdicts.read(verdicts).sequences[0]
     path = copied_out / "sequences" / "arc_00" / "people" / "dataset_camera.npz"
 
-    def gathered(n_frames: int) -> Solved:
+    def gathered(n_frames: int) -> SolvedSequence:
         save_dataset_camera(path, np.zeros((n_frames, 4, 4)))
         return gather_sequence(verdict, "", files, filmed_set.recipe(), SetPaths(copied_out))
 

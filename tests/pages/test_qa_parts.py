@@ -15,7 +15,7 @@ from gmrdata.pages.batches import page_name, write_pages
 from gmrdata.pages.solved import (
     KIND_COLOURS,
     OTHER_COLOUR,
-    Solved,
+    SolvedSequence,
     align_dataset_camera,
     counts_of,
     example_frames,
@@ -85,7 +85,7 @@ def test_a_scale_that_no_camera_has_is_listed_without_its_share():
 
 def test_people_without_a_verdict_are_not_accepted():
     """A record of cameras without people had no page."""
-    found = Solved(name="a", reasons=(("", "no pose"), ("",)), dataset=Mock())
+    found = SolvedSequence(name="a", reasons=(("", "no pose"), ("",)), dataset=Mock())
     assert found.accepted == [False, False]
 
 
@@ -174,9 +174,13 @@ def _across(world_from_cam: np.ndarray) -> np.ndarray:
 
 def test_the_focal_row_follows_the_check():
     from gmrdata.pages.thresholds import focal_row
-    from gmrdata.threedpw.intrinsics_check import FocalEstimate, IntrinsicsConfig, intrinsics_reason
+    from gmrdata.threedpw.intrinsics_check import (
+        FocalEstimate,
+        IntrinsicsCheckConfig,
+        intrinsics_reason,
+    )
 
-    config = IntrinsicsConfig()
+    config = IntrinsicsCheckConfig()
     for factor, sigma in ((1.0, 0.01), (1.12, 0.01), (1.14, 0.01), (0.8, 0.05), (0.7, 0.05)):
         estimate = FocalEstimate(factor, sigma, (0.0, 0.0), 1.0, 500)
         assert focal_row(estimate, config).met == (intrinsics_reason(estimate, config) is None)

@@ -6,14 +6,21 @@ import numpy as np
 import pytest
 
 from gmrdata.pages.gather import gather_video
-from gmrdata.pages.view3d import MOST_FRAMES, View, ViewedPerson, view_of, view_of_clip, write_view
+from gmrdata.pages.view3d import (
+    MOST_FRAMES,
+    ViewedPerson,
+    ViewedWorld,
+    view_of,
+    view_of_clip,
+    write_view,
+)
 from gmrdata.values.clip import Clip
 from gmrdata.values.errors import MissingInput
 from tests.write.takes import HIDDEN, make_take
 
 
 @pytest.fixture
-def view(walk, small_body) -> View:
+def view(walk, small_body) -> ViewedWorld:
     """Two people, one with an error bar, the other not always there; a camera with a gap."""
     take = make_take(walk, small_body)
     clips = [
@@ -26,7 +33,7 @@ def view(walk, small_body) -> View:
         ViewedPerson(clips[1], "gmr", small_body),
     )
     points = np.random.default_rng(1).uniform(-3.0, 3.0, (500, 3))
-    return View(np.arange(take.n_frames) / take.fps_hz, people, take.camera, points)
+    return ViewedWorld(np.arange(take.n_frames) / take.fps_hz, people, take.camera, points)
 
 
 @pytest.mark.parametrize("width_px", [375, 1280])
@@ -76,7 +83,7 @@ def test_long_sequences_stay_small(view, tmp_path):
     sigma_m = np.full((n_frames, 3), 0.1)
     people = [replace(one, sigma_m=sigma_m) for one in people]
     points = np.zeros((300_000, 3))
-    long = View(np.arange(n_frames) / 30.0, people, camera, points)
+    long = ViewedWorld(np.arange(n_frames) / 30.0, people, camera, points)
     assert len(long.rows) <= MOST_FRAMES
     assert write_view(tmp_path / "view3d.html", long).stat().st_size < 6e6
 

@@ -20,7 +20,7 @@ from gmrdata.paper.comparison import (
     TableData,
     TableRecord,
     TableRow,
-    TrainingSet,
+    TrainedOn,
     orderings,
 )
 from gmrdata.paper.joint import split_videos
@@ -370,7 +370,7 @@ def test_each_key_of_a_table_is_needed(tmp_path):
     )
     data = TableData(
         paper="3DPW",
-        training=(TrainingSet(name="walks/manifest.yaml", clips=2),),
+        training=(TrainedOn(name="walks/manifest.yaml", clips=2),),
         left_out={"of held-out subject 02": 1},
         network="bundled",
         estimator="VIBE",

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gmrdata.manifest.current import (
-    Clip,
+    ClipEntry,
     DroppedRange,
     FileRecord,
     FrameRange,
@@ -36,14 +36,14 @@ def clip_of(
     kept: list[tuple[int, int]],
     camera_motion: Any = "panning",
     quality: Quality | None = ACCEPTED,
-) -> Clip:
+) -> ClipEntry:
     rows = {row for start, stop in kept for row in range(start, stop)}
     dropped = [
         DroppedRange(start=row, stop=row + 1, reason="no camera was found")
         for row in range(n_frames)
         if row not in rows
     ]
-    return Clip(
+    return ClipEntry(
         id=f"{sequence}.p{person}",
         source=Source(dataset="3DPW", sequence=sequence, person=str(person)),
         licence="3DPW's",
@@ -94,7 +94,7 @@ def manifest_path(tmp_path) -> Path:
     return write_ours(tmp_path / "ours" / "threedpw.yaml", OURS)
 
 
-def write_ours(path: Path, clips: list[Clip], kind: str = "pseudo_gt") -> Path:
+def write_ours(path: Path, clips: list[ClipEntry], kind: str = "pseudo_gt") -> Path:
     return write_manifest(path, a_head(path.stem, kind), clips)
 
 

@@ -12,7 +12,7 @@ from gmrdata.cameras.recipe import CamerasVerdictConfig
 from gmrdata.motion.gait import make_gait
 from gmrdata.people.sources import MasksConfig, OnnxSource, PersonSource
 from gmrdata.solve import solve, verdict
-from gmrdata.solve.request import EstimatedPeople, SolveConfig, Solved, SolveRequest
+from gmrdata.solve.request import PeopleBySystem, SolveConfig, Solved, SolveRequest
 from gmrdata.solve.verdict import (
     TOO_FEW,
     UNCHECKED,
@@ -210,7 +210,7 @@ def test_masks_that_show_nobody_are_not_said_to_be_missing(masks, said, tmp_path
     world = pseudo_gt_quality(good_quality(12), 1.0).model_copy(update={"picture_fits": (None,)})
     world.write(tmp_path / QUALITY_FILE)
     solved = Solved(
-        SolveRequest(Path("walk.mp4"), EstimatedPeople()),
+        SolveRequest(Path("walk.mp4"), PeopleBySystem()),
         tmp_path,
         SolveConfig(masks=masks),
         frame_set(np.arange(12), (1280, 720), 30.0),

@@ -18,8 +18,8 @@ from gmrdata.read.models import MODELS, POSE_LANDMARKS, QUICK_LANDMARKS, models_
 from gmrdata.solve import solve as solving
 from gmrdata.solve.request import (
     FOLLOWED,
-    EstimatedPeople,
     GivenPeople,
+    PeopleBySystem,
     SolveConfig,
     Solved,
     SolveRequest,
@@ -196,7 +196,7 @@ def test_what_is_said_of_people_is_left_aside_where_their_networks_were_not_fetc
         solve_video(*given, poses="none", config=config, **told)
 
 
-@pytest.mark.parametrize(("people", "bends"), [(EstimatedPeople(), True), (GivenPeople(()), False)])
+@pytest.mark.parametrize(("people", "bends"), [(PeopleBySystem(), True), (GivenPeople(()), False)])
 def test_bodies_are_held_to_pictures_by_the_lens_that_placed_them(tmp_path, people, bends):
     """A data set's were laid onto its pictures by a pinhole; others see them without distortion."""
     nowhere = CameraPath(np.eye(3), 64, 48, np.tile(np.eye(4), (3, 1, 1)), np.ones(3, bool))
@@ -224,7 +224,7 @@ def test_poses_of_the_built_in_estimator_that_are_given_have_its_errors_and_doub
         doubts=("", "it looks away"),
     ).write(poses_dir / POSES_FILE)
     frames, found = frame_set(np.arange(3), (64, 48), 30.0), []
-    for people in (EstimatedPeople(), EstimatedPeople(poses_dir), EstimatedPeople(of_others)):
+    for people in (PeopleBySystem(), PeopleBySystem(poses_dir), PeopleBySystem(of_others)):
         request = SolveRequest(tmp_path, people)
         solved = Solved(request, tmp_path, SolveConfig(), frames)
         found.append((_own_poses_dir(solved), _own_doubts(solved)))

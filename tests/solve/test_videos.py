@@ -18,9 +18,9 @@ from gmrdata.people.sources import MasksConfig, PersonSource
 from gmrdata.read.video import extract_video
 from gmrdata.read.video_files import NamedVideo
 from gmrdata.solve import videos as solving
-from gmrdata.solve.request import INTRINSICS, EstimatedPeople, SolveConfig, SolveRequest
+from gmrdata.solve.request import INTRINSICS, PeopleBySystem, SolveConfig, SolveRequest
 from gmrdata.solve.verdict import OVERLAY, PAGE, VERDICT_FILE, VIEW, VideoVerdict
-from gmrdata.solve.videos import Batch, Videos, _with_files
+from gmrdata.solve.videos import VideoBatch, Videos, _with_files
 from gmrdata.stage.run import Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.errors import (
@@ -94,7 +94,7 @@ def test_a_worker_in_another_folder_finds_the_networks(tmp_path, monkeypatch):
     source = PersonSource(model=detector, landmarks=landmarks)
     config = SolveConfig(masks=MasksConfig(sources=(source,)))
     video = NamedVideo("walk", tmp_path / "walk.mp4")
-    batch = Batch(tmp_path / "out", SolveRequest(Path(), EstimatedPeople()), config)
+    batch = VideoBatch(tmp_path / "out", SolveRequest(Path(), PeopleBySystem()), config)
     found = _with_files([video], batch)
     own = [tmp_path / name for name in names]
     assert [*found.config.networks.values()] == [*found.own_files.values()] == own
@@ -110,7 +110,7 @@ def test_a_video_of_cameras_alone_is_the_same_beside_one_with_people(tmp_path):
     config = SolveConfig(masks=MasksConfig(sources=(source,)))
     alone, other = (NamedVideo(name, tmp_path / f"{name}.mp4") for name in ("alone", "other"))
     posed = replace(other, poses_path=tmp_path / "other.pkl")
-    batch = Batch(tmp_path / "out", SolveRequest(Path()), config)
+    batch = VideoBatch(tmp_path / "out", SolveRequest(Path()), config)
     first, then = (_with_files([alone, one], batch) for one in (other, posed))
     assert first.recipe(alone) == then.recipe(alone) != then.recipe(posed)
     assert first.inputs(alone) == then.inputs(alone)

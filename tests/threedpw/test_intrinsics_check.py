@@ -10,11 +10,11 @@ import pytest
 from gmrdata.film.programmes import Circular, Linear, Panning, Programme, Small, Static, camera_path
 from gmrdata.motion.gait import make_gait
 from gmrdata.read.threedpw import Sequence3DPW, SequenceImages
-from gmrdata.read.threedpw_files import Person, SequenceArrays, SequenceFiles
+from gmrdata.read.threedpw_files import SequenceArrays, SequenceFiles, ThreedpwPerson
 from gmrdata.threedpw.clips import sequence_arrays
 from gmrdata.threedpw.intrinsics_check import (
     FocalEstimate,
-    IntrinsicsConfig,
+    IntrinsicsCheckConfig,
     estimate_focal,
     intrinsics_reason,
 )
@@ -24,7 +24,7 @@ from gmrdata.values.clip import Clip
 from tests.fixtures.filmed_sets import keypoints_px
 
 WIDTH_PX, HEIGHT_PX, N_FRAMES = 540, 960, 150
-CONFIG = IntrinsicsConfig()
+CONFIG = IntrinsicsCheckConfig()
 EXACT = FaultConfig(
     root_error_m=(0, 0), root_error_deg=(0, 0), joint_noise_deg=(0, 0), invalid_runs=(0, 0)
 )
@@ -76,7 +76,7 @@ def with_k(sequence: Sequence3DPW, factor: float, shift_px: tuple[float, float] 
     return replace(sequence, arrays=replace(sequence.arrays, intrinsics_px=intrinsics_px))
 
 
-def with_people(sequence: Sequence3DPW, *people: Person) -> Sequence3DPW:
+def with_people(sequence: Sequence3DPW, *people: ThreedpwPerson) -> Sequence3DPW:
     arrays: SequenceArrays = replace(sequence.arrays, people=people)
     return replace(sequence, arrays=arrays)
 

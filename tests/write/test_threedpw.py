@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from gmrdata.read.threedpw_files import Person, SequenceArrays, read_sequence_file
+from gmrdata.read.threedpw_files import SequenceArrays, ThreedpwPerson, read_sequence_file
 from gmrdata.values.errors import BadSequence
 from gmrdata.write.threedpw import sequence_bytes, write_sequence
 from tests.write.test_pickles import names_of_numpy_alone
@@ -28,7 +28,7 @@ def same(a: object, b: object) -> bool:
         return (a.shape, a.dtype, a.tobytes()) == (b.shape, b.dtype, b.tobytes())
     if isinstance(a, tuple) and isinstance(b, tuple):
         return len(a) == len(b) and all(map(same, a, b))
-    if isinstance(a, Person | SequenceArrays) and type(a) is type(b):
+    if isinstance(a, ThreedpwPerson | SequenceArrays) and type(a) is type(b):
         return all(same(getattr(a, f.name), getattr(b, f.name)) for f in fields(a))
     return a == b
 
@@ -47,7 +47,7 @@ def sequences(draw: st.DrawFn) -> SequenceArrays:
     with_optional = draw(st.booleans())
     finite = hnp.arrays(np.float64, (n_betas,), elements=st.floats(-9, 9))
     people = [
-        Person(
+        ThreedpwPerson(
             poses_rad=draw(array(n, 72)),
             trans_m=draw(array(n, 3)),
             betas=draw(finite),

@@ -531,27 +531,27 @@ def _parts(thin: Any) -> list[Any]:
     return parts
 
 
-class _Adjusted(NamedTuple):
+class _AdjustedLens(NamedTuple):
     """A model's lens."""
 
     lens: np.ndarray  # (2,) log of the focal length [px], and k1
     covariance: np.ndarray  # (2, 2)
 
 
-def _jackknifed(whole: _Adjusted, parts: Sequence[_Adjusted | None]) -> np.ndarray:
+def _jackknifed(whole: _AdjustedLens, parts: Sequence[_AdjustedLens | None]) -> np.ndarray:
     """(2,) standard errors by what is found without a stretch of frames (the jackknife)."""
     apart = np.array([part.lens - whole.lens for part in parts if part is not None])
     n = len(apart)
     return np.sqrt((n - 1) / n * (apart**2).sum(axis=0)) if n > 1 else np.zeros(2)
 
 
-def _moved(whole: _Adjusted, others: Sequence[_Adjusted | None]) -> np.ndarray:
+def _moved(whole: _AdjustedLens, others: Sequence[_AdjustedLens | None]) -> np.ndarray:
     """(2,) how far the lens is moved at most."""
     apart = [np.abs(one.lens - whole.lens) for one in others if one is not None]
     return np.max([np.zeros(2), *apart], axis=0)
 
 
-def _adjusted(thin: Any, terms: int, focal_px: float | None = None) -> _Adjusted | None:
+def _adjusted(thin: Any, terms: int, focal_px: float | None = None) -> _AdjustedLens | None:
     """A model's lens, adjusted with up to two terms of distortion; at a focal length if one is
     given."""
     model = pycolmap.Reconstruction(thin)
@@ -571,4 +571,4 @@ def _adjusted(thin: Any, terms: int, focal_px: float | None = None) -> _Adjusted
     covariance[np.ix_(is_free, is_free)] = adjusted.covariance[:n_free, :n_free]
     per_px = np.array([1.0 / camera.params[0], 1.0])
     lens = np.array([np.log(camera.params[0]), camera.params[3]])
-    return _Adjusted(lens, covariance * np.outer(per_px, per_px))
+    return _AdjustedLens(lens, covariance * np.outer(per_px, per_px))

@@ -301,7 +301,7 @@ if it were this."""
 
 
 @dataclass(frozen=True, eq=False)
-class _Seen:
+class _SeenPoints:
     """M image points of K cameras, and the N points behind them."""
 
     centres: np.ndarray  # (K, 3) places of the cameras, in order
@@ -356,7 +356,7 @@ def weakest_step(
     return WeakestStep(after, before, float(shares[worst]), moving, float(np.exp(ratios.max())))
 
 
-def _distances_of_each(seen: _Seen) -> np.ndarray:
+def _distances_of_each(seen: _SeenPoints) -> np.ndarray:
     """(K, 3) how far away is what each camera sees: the near tenth, the median, and the geometric
     mean by how well each is known.  The view through a window is far away, and may fill nearly the
     whole picture, but the little beside it is known much better."""
@@ -424,7 +424,7 @@ def _gather(
     placed: np.ndarray,
     intrinsics_px: np.ndarray,
     most_px: float,
-) -> _Seen:
+) -> _SeenPoints:
     """What the frames `placed` (K,) see, with the noise that it shows."""
     point, residuals_px, told = [], [], []
     for row in placed.tolist():
@@ -437,7 +437,7 @@ def _gather(
     residual_px = np.concatenate(residuals_px)
     fits = np.linalg.norm(residual_px, axis=1) < most_px
     information = np.concatenate(told) / noise_px(residual_px[fits]) ** 2
-    return _Seen(
+    return _SeenPoints(
         centres=mapped.world_from_cam[placed, :3, 3],
         points=mapped.points,
         camera=np.repeat(np.arange(len(placed)), [len(own) for own in point]),
@@ -446,7 +446,7 @@ def _gather(
     )
 
 
-def _loose_shares(seen: _Seen) -> Iterator[float]:
+def _loose_shares(seen: _SeenPoints) -> Iterator[float]:
     """What each of the K - 1 steps leaves open of the cameras' places, over the way of them all."""
     left, total = np.zeros((len(seen.points), 3, 3)), seen.total
     last = np.full(len(seen.points), -1)

@@ -35,7 +35,7 @@ from gmrdata.cameras.frames import Frames
 from gmrdata.cameras.map.covered import Core, core_of
 from gmrdata.cameras.map.models import join_models
 from gmrdata.cameras.match.matches import DATABASE_FILE, Matches, matched_points
-from gmrdata.cameras.recipe import MasksConfig, SfmConfig
+from gmrdata.cameras.recipe import BehindMasksConfig, SfmConfig
 from gmrdata.values import transforms
 
 ASTRAY = 10.0  # times the error that is allowed: no adjustment leaves so much of what is right
@@ -268,7 +268,7 @@ def _explained(model: Any, most_px: float) -> int:
     return count
 
 
-def see_again(model: Any, matches: Matches, frames: Frames, config: MasksConfig) -> int:
+def see_again(model: Any, matches: Matches, frames: Frames, config: BehindMasksConfig) -> int:
     """Give the points of a model the features inside masks that show them; how many.
 
     A feature shows a point that must appear there and looked like it when it was seen last.

@@ -31,7 +31,7 @@ AT_ONCE = 150_000  # motions of which one system is solved
 
 
 @dataclass(frozen=True, eq=False)
-class Motions:
+class PatchMotions:
     """M measured motions of patches, between image points that are counted through all frames."""
 
     first: np.ndarray  # (M,) image point
@@ -48,7 +48,7 @@ def adjust_keypoints(matches: Matches, keyframes: Frames, work_dir: Path) -> Mat
     return replace(matches, keypoints_px=adjusted)
 
 
-def _measure(matches: Matches, keyframes: Frames) -> Motions:
+def _measure(matches: Matches, keyframes: Frames) -> PatchMotions:
     """How the patches of matches move from each keyframe to the next; none that touch a mask."""
     starts = matches.starts
     neighbours = [pair for pair in matches.pairs if pair.second == pair.first + 1]
@@ -58,7 +58,7 @@ def _measure(matches: Matches, keyframes: Frames) -> Motions:
         points.append(starts[[pair.first, pair.second]] + features)
         moved_px.append(by_px)
     first, second = np.concatenate(points).T
-    return Motions(first, second, np.concatenate(moved_px))
+    return PatchMotions(first, second, np.concatenate(moved_px))
 
 
 def _moved(matches: Matches, keyframes: Frames, pair: PairMatches) -> tuple[np.ndarray, np.ndarray]:
@@ -73,7 +73,7 @@ def _moved(matches: Matches, keyframes: Frames, pair: PairMatches) -> tuple[np.n
     return pair.features[ok], (found_px - from_px)[ok]
 
 
-def _fitted(places_px: np.ndarray, measured: Motions) -> np.ndarray:
+def _fitted(places_px: np.ndarray, measured: PatchMotions) -> np.ndarray:
     """Places (N, 2) with the least squares of what they move by and what the motions lack [px]."""
     if len(measured.first) <= AT_ONCE:
         return _solved(places_px, measured)
@@ -82,12 +82,12 @@ def _fitted(places_px: np.ndarray, measured: Motions) -> np.ndarray:
         ends = np.stack([measured.first[some], measured.second[some]])
         points, numbers = np.unique(ends, return_inverse=True)
         first, second = numbers.reshape(2, -1)
-        part = Motions(first, second, measured.moved_px[some])
+        part = PatchMotions(first, second, measured.moved_px[some])
         fitted[points] = _solved(places_px[points], part)
     return fitted
 
 
-def _apart(measured: Motions, n: int) -> list[np.ndarray]:
+def _apart(measured: PatchMotions, n: int) -> list[np.ndarray]:
     """Motions, by their rows, in groups of about `AT_ONCE` that share none of the N image points:
     of a long video all at once would take gigabytes."""
     links = np.ones(len(measured.first)), (measured.first, measured.second)
@@ -100,7 +100,7 @@ def _apart(measured: Motions, n: int) -> list[np.ndarray]:
     return np.split(order, groups[1:])
 
 
-def _solved(places_px: np.ndarray, measured: Motions) -> np.ndarray:
+def _solved(places_px: np.ndarray, measured: PatchMotions) -> np.ndarray:
     n, m = len(places_px), len(measured.first)
     if not m:
         return places_px

@@ -13,7 +13,7 @@ from gmrdata.cameras.files import Distortion
 from gmrdata.cameras.frames import Frames
 from gmrdata.cameras.match.features import FeatureFinder, StoredDescriptors, find_features
 from gmrdata.cameras.match.retrieval import alike_before
-from gmrdata.cameras.recipe import MasksConfig, SfmConfig
+from gmrdata.cameras.recipe import BehindMasksConfig, SfmConfig
 from gmrdata.values.camera import straightened
 from gmrdata.values.errors import BadFrames, NoReconstruction
 
@@ -268,7 +268,7 @@ def match_behind_masks(
     return replace(matches, pairs=read_matches(database_path, frames.images).pairs)
 
 
-def _hardly_match(matches: Matches, config: MasksConfig) -> bool:
+def _hardly_match(matches: Matches, config: BehindMasksConfig) -> bool:
     """Whether many neighbours have few matches."""
     count = matches.n_of_pair
     rows = range(len(matches.keypoints_px) - 1)

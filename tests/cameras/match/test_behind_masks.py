@@ -12,7 +12,7 @@ from gmrdata.cameras.frames import Frames
 from gmrdata.cameras.map import mapping
 from gmrdata.cameras.map.refinement import _alike, see_again
 from gmrdata.cameras.match.matches import Matches, match_behind_masks, match_frames
-from gmrdata.cameras.recipe import MasksConfig, SfmConfig
+from gmrdata.cameras.recipe import BehindMasksConfig, SfmConfig
 from gmrdata.read.frames import list_images, read_gray, write_gray
 from gmrdata.values.errors import NoReconstruction
 from tests.filming import Filmed, film_cameras, look_at
@@ -111,7 +111,7 @@ def test_what_masks_hide_is_matched_with_what_they_show_and_the_person_is_not(wa
     film = filmed(tmp_path, np.stack([-0.8 + 1.6 * along, 0 * along + 0.4, 0 * along], axis=1))
     frames = boxed(film, tmp_path / "boxes")
     before = match_frames(frames, tmp_path, SMALL)
-    always = SMALL.model_copy(update={"masks": MasksConfig(hardly_matched=10_000)})
+    always = SMALL.model_copy(update={"masks": BehindMasksConfig(hardly_matched=10_000)})
     matches = match_behind_masks(before, frames, tmp_path, always)
     hidden = []
     for pair in matches.pairs:

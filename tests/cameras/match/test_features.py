@@ -25,7 +25,7 @@ from gmrdata.cameras.match.keypoint_adjustment import (
     HALF_PX,
     MEASURED_PX,
     PLACED_PX,
-    Motions,
+    PatchMotions,
     _fitted,
     adjust_keypoints,
     follow_patches,
@@ -374,7 +374,7 @@ def test_without_neighbours_nothing_moves(found):
 def test_the_fit_is_that_of_numpy(seed, m):
     rng = np.random.default_rng(seed)
     places_px = rng.uniform(0, 100, (12, 2))
-    measured = Motions(rng.integers(0, 6, m), rng.integers(6, 12, m), rng.normal(0, 5, (m, 2)))
+    measured = PatchMotions(rng.integers(0, 6, m), rng.integers(6, 12, m), rng.normal(0, 5, (m, 2)))
     rows = np.zeros((m, 12))
     rows[np.arange(m), measured.second] = 1
     rows[np.arange(m), measured.first] -= 1
@@ -389,7 +389,7 @@ def test_many_image_points_are_moved_chain_by_chain_as_if_at_once(monkeypatch):
     places_px = rng.uniform(0, 100, (n_chains * long + 5, 2))
     numbers = rng.permutation(n_chains * long).reshape(n_chains, long)
     first, second = numbers[:, :-1].ravel(), numbers[:, 1:].ravel()
-    measured = Motions(first, second, rng.normal(0, 1, (len(first), 2)))
+    measured = PatchMotions(first, second, rng.normal(0, 1, (len(first), 2)))
     whole = _fitted(places_px, measured)
     monkeypatch.setattr(keypoint_adjustment, "AT_ONCE", 17)
     groups = keypoint_adjustment._apart(measured, len(places_px))
