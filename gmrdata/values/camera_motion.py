@@ -60,8 +60,8 @@ def classify(
     finite = np.isfinite(world_from_cam).all() and np.isfinite(pelvis_m).all()
     if not (finite and 0 < len(world_from_cam) == len(pelvis_m)):
         needed = "a camera's class needs finite cameras and a person in each of its frames"
-        found = f"arrays of {world_from_cam.shape} and {pelvis_m.shape}"
-        raise BadMotionFile(f"{needed}, not {found}; leave out frames without")
+        given = f"arrays of {world_from_cam.shape} and {pelvis_m.shape}"
+        raise BadMotionFile(f"{needed}, not {given}; leave out frames without")
     figures = motion_figures(world_from_cam, pelvis_m, fps_hz)
     return class_of(figures, config), figures
 

@@ -204,10 +204,10 @@ def texts_of(runs: Iterable[tuple[int, int, str]], n_rows: int) -> list[str]:
 
 def first_reasons(reasons: Iterable[str], tests: Iterable[tuple[Iterable[bool], str]]) -> list[str]:
     """(N,) why each row can't be used: its own reason, or that of the first test (N,) it fails."""
-    found = list(reasons)
+    why = list(reasons)
     for passed, reason in tests:
-        found = [old or ("" if good else reason) for old, good in zip(found, passed, strict=True)]
-    return found
+        why = [old or ("" if good else reason) for old, good in zip(why, passed, strict=True)]
+    return why
 
 
 CHARACTER_FILE = "character.npz"
@@ -251,9 +251,9 @@ def read_truth(path: Path, shapes: TruthShapes, frames_of: str) -> list[np.ndarr
     arrays = read_npz(path)
     n_frames = len(np.atleast_1d(arrays.get(frames_of, ())))
     for key, (kind, shape) in shapes.items():
-        found = arrays.get(key)
+        array = arrays.get(key)
         wanted = tuple(n_frames if length == T else length for length in shape)
-        if found is None or found.dtype.kind != kind or found.shape != wanted:
+        if array is None or array.dtype.kind != kind or array.shape != wanted:
             raise BadMotionFile(f"{path}: no array {key!r} of shape {wanted}; render it again")
     return [arrays[key] for key in shapes]
 

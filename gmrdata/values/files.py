@@ -248,20 +248,20 @@ def read_npz(
     budget = budget or Budget.of(path)
     try:
         check_archive(path, budget)
-        found: dict[str, np.ndarray] = {}
+        plain: dict[str, np.ndarray] = {}
         objects: ValueError | None = None
         with np.load(path, allow_pickle=False) as arrays:
             for key in arrays.files:
                 try:
-                    found[key] = _plain_array(arrays, key, budget)
+                    plain[key] = _plain_array(arrays, key, budget)
                 except ValueError as error:
                     left_out = plain_alone and key not in ("gender", "betas")
                     if not left_out or "allow_pickle" not in str(error):
                         raise
                     objects = error
-        if objects and not found:
+        if objects and not plain:
             raise objects
-        return found
+        return plain
     except OverBudget as error:
         raise BadMotionFile(f"{path}: {error}; {error.remedy}") from None
     except NUMPY_ERRORS as error:
@@ -284,13 +284,13 @@ def npz_format(path: Path) -> str | None:
 
 
 def _plain_array(arrays: Mapping[str, Any], key: str, budget: Budget) -> np.ndarray:
-    found = arrays[key]
-    if not isinstance(found, np.ndarray):  # numpy gives other files as bytes
+    array = arrays[key]
+    if not isinstance(array, np.ndarray):  # numpy gives other files as bytes
         raise ValueError(f"{key!r} is no array")
-    budget.take_numbers(np.size(found))
-    if found.dtype.kind == "U":
-        require_texts(f"{key!r}", found)
-    return found
+    budget.take_numbers(np.size(array))
+    if array.dtype.kind == "U":
+        require_texts(f"{key!r}", array)
+    return array
 
 
 def require_texts(what: str, texts: np.ndarray) -> None:

@@ -116,17 +116,17 @@ def find_joints(
     before the names that are known; else it alone counts.
     """
     if joint_map is None:
-        found = joints_by_name(names, parents)
+        bone_of = joints_by_name(names, parents)
     else:
         loaded = joint_map if isinstance(joint_map, Mapping) else _load_map(Path(joint_map))
-        found = mapped_joints(names, loaded, path, BadMotionFile)
-        if not set(REQUIRED) <= set(found):
-            found = joints_by_name(names, parents, found)
-    if missing := [joint for joint in REQUIRED if joint not in found]:
+        bone_of = mapped_joints(names, loaded, path, BadMotionFile)
+        if not set(REQUIRED) <= set(bone_of):
+            bone_of = joints_by_name(names, parents, bone_of)
+    if missing := [joint for joint in REQUIRED if joint not in bone_of]:
         what = f"no joint is known to be {', '.join(missing)}. The file has: {', '.join(names)}"
         remedy = "Name these in a file `name in the file: SMPL joint` with --joint-map; joints are"
         raise BadMotionFile(f"{path}: {what}. {remedy} {', '.join(JOINT)}")
-    return {JOINT[joint]: i for joint, i in found.items()}
+    return {JOINT[joint]: i for joint, i in bone_of.items()}
 
 
 def joints_by_name(
@@ -141,11 +141,11 @@ def joints_by_name(
     if is_cmu(names):
         bare = [_bare(name) for name in names]
         cmu = CMU_BVH if "LHipJoint" in bare else CMU_ASF
-        found = {joint: bare.index(name) for name, joint in cmu.items() if name in bare}
-        return {j: bone for j, bone in found.items() if bone not in said.values()} | dict(said)
+        bone_of = {joint: bare.index(name) for name, joint in cmu.items() if name in bare}
+        return {j: bone for j, bone in bone_of.items() if bone not in said.values()} | dict(said)
     lines = [line_to(bone, parents) for bone in range(len(names))]
     words_of = [_side_and_word(name) for name in names]
-    found = dict(said)
+    bone_of = dict(said)
     # Of bones with one word the nearest to the root counts, then the first by name: sides agree.
     order = sorted(range(len(names)), key=lambda bone: (len(lines[bone]), names[bone]))
     for side in ("left", "right"):
@@ -158,12 +158,12 @@ def joints_by_name(
             if f"{side}_{joint}" in said:
                 continue
             if word := next((word for word in words if word in free), None):
-                found[f"{side}_{joint}"] = free.pop(word)
-    if {"left_hip", "right_hip", "left_shoulder", "right_shoulder"} <= set(found):
+                bone_of[f"{side}_{joint}"] = free.pop(word)
+    if {"left_hip", "right_hip", "left_shoulder", "right_shoulder"} <= set(bone_of):
         middle = {bone: word for bone in order for side, word in [words_of[bone]] if not side}
-        trunk = _middle(found, lines, middle).items()
-        found |= {j: bone for j, bone in trunk if j not in said and bone not in said.values()}
-    return found
+        trunk = _middle(bone_of, lines, middle).items()
+        bone_of |= {j: bone for j, bone in trunk if j not in said and bone not in said.values()}
+    return bone_of
 
 
 def _bare(name: str) -> str:
@@ -191,12 +191,12 @@ def line_to(bone: int, parents: Sequence[int]) -> list[int]:
 
 
 def _middle(
-    found: Mapping[str, int], lines: Sequence[list[int]], words: Mapping[int, str]
+    bone_of: Mapping[str, int], lines: Sequence[list[int]], words: Mapping[int, str]
 ) -> dict[str, int]:
     """The pelvis, and what is there of spine, neck and head, of bones without a side."""
     shared = []  # the line down to what carries both legs, and both arms
     for joint in ("hip", "shoulder"):
-        both = zip(lines[found[f"left_{joint}"]], lines[found[f"right_{joint}"]], strict=False)
+        both = zip(lines[bone_of[f"left_{joint}"]], lines[bone_of[f"right_{joint}"]], strict=False)
         shared.append([left for left, right in both if left == right])
     to_pelvis, to_chest = shared
     # Some rigs hang the legs on a bone of their own beside the spine.

@@ -73,9 +73,9 @@ def posed_vertex_errors_mm(
     errors_mm = [np.zeros(0)]
     for rows in chunks(len(local_rotmats), len(body.template_m), COPIES):
         vertices_m = _posed_m(body, shape, local_rotmats[rows])
-        (found_rotmats, found_m), (true_rotmats, true_m) = predicted, true
-        found, wanted = (found_rotmats[rows], found_m[rows]), (true_rotmats[rows], true_m[rows])
-        errors_mm.append(vertex_errors_mm(*found, *wanted, vertices_m))
+        (delta_rotmats, delta_m), (true_rotmats, true_m) = predicted, true
+        motions, wanted = (delta_rotmats[rows], delta_m[rows]), (true_rotmats[rows], true_m[rows])
+        errors_mm.append(vertex_errors_mm(*motions, *wanted, vertices_m))
     return np.concatenate(errors_mm)
 
 
@@ -94,7 +94,7 @@ def run_vertex_errors(
     true_rotmats, true_m = deltas(true.root_rotmats, true.pelvis_m)
     motions = {name: deltas(one.root_rotmats, one.pelvis_m) for name, one in predicted.items()}
     placed = {name: _from_true_start(one, true) for name, one in predicted.items()}
-    found: dict[str, list[VertexErrors]] = {name: [] for name in predicted}
+    errors: dict[str, list[VertexErrors]] = {name: [] for name in predicted}
     for rows in chunks(true.n_frames, len(body.template_m), COPIES):
         vertices_m = _posed_m(body, true.shape, true.local_rotmats[rows])
         for name, one in predicted.items():
@@ -111,10 +111,10 @@ def run_vertex_errors(
             over_time_mm = vertex_errors_mm(
                 roots, places_m, true.root_rotmats[rows], true.pelvis_m[rows], vertices_m, own_m
             )
-            found[name].append(VertexErrors(vme_mm, over_time_mm))
+            errors[name].append(VertexErrors(vme_mm, over_time_mm))
     return {
         name: VertexErrors(*(np.concatenate(parts) for parts in zip(*chunks, strict=True)))
-        for name, chunks in found.items()
+        for name, chunks in errors.items()
     }
 
 

@@ -176,10 +176,10 @@ class LocalPoses:
     @classmethod
     def read(cls, path: Path) -> Self:
         """Read one person's poses; BadRecord names what is wrong with the file."""
-        found = cls(**read_arrays(path, POSES_FORMAT, _SHAPES))
-        if (np.diff(found.frame_numbers.astype(np.int64), prepend=-1) <= 0).any():
+        poses = cls(**read_arrays(path, POSES_FORMAT, _SHAPES))
+        if (np.diff(poses.frame_numbers.astype(np.int64), prepend=-1) <= 0).any():
             raise BadRecord(f"{path}: its frame_numbers do not rise from 0 on; {MAKE_AGAIN}")
-        return found
+        return poses
 
 
 class LocalPosesRecord(Record):

@@ -64,8 +64,8 @@ class Record(Config):
     @classmethod
     def of_value(cls, path: Path, value: Any) -> Self:
         """The record that a file's JSON value stands for; errors as in `read`."""
-        found = value.get("format") if isinstance(value, dict) else None
-        require_tag(path, found, cls.tag())
+        tag = value.get("format") if isinstance(value, dict) else None
+        require_tag(path, tag, cls.tag())
         try:
             record = cls.of_plain(value)
         except ValidationError as error:
@@ -112,14 +112,14 @@ def check_shapes(path: Path, arrays: Mapping[str, np.ndarray], shapes: ArrayShap
             raise BadRecord(f"{path}: has {said} array {min(keys)!r}; {MAKE_AGAIN}")
     lengths: dict[str, int] = {}
     for key, (kinds, shape) in shapes.items():
-        found = arrays[key]
+        array = arrays[key]
         wanted = tuple(
             lengths.setdefault(size, length) if isinstance(size, str) else size
-            for size, length in zip(shape, found.shape, strict=False)
+            for size, length in zip(shape, array.shape, strict=False)
         )
-        if found.dtype.kind not in kinds or found.ndim != len(shape) or found.shape != wanted:
+        if array.dtype.kind not in kinds or array.ndim != len(shape) or array.shape != wanted:
             known = ", ".join(f"{name} = {length}" for name, length in lengths.items())
-            what = f"array {key!r} has shape {found.shape} and type {found.dtype}, which does not"
+            what = f"array {key!r} has shape {array.shape} and type {array.dtype}, which does not"
             fit = f"{shape} with {known or 'any length'}"
             raise BadRecord(f"{path}: {what} fit {fit}; {MAKE_AGAIN}")
 
@@ -148,10 +148,10 @@ def _lacking(value: Any, whole: Any) -> str:
 
 def first_problem(error: ValidationError) -> str:
     """The first wrong key of a record or of settings, in words."""
-    found = error.errors()[0]
-    key = ".".join(str(part) for part in found["loc"]) or "the record"
-    if found["type"] == "missing":
+    first = error.errors()[0]
+    key = ".".join(str(part) for part in first["loc"]) or "the record"
+    if first["type"] == "missing":
         return f"has no key `{key}`"
-    if found["type"] in ("extra_forbidden", "unexpected_keyword_argument"):
+    if first["type"] in ("extra_forbidden", "unexpected_keyword_argument"):
         return f"has an unknown key `{key}`"
-    return f"`{key}` is wrong: {found['msg']}"
+    return f"`{key}` is wrong: {first['msg']}"

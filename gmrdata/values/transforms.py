@@ -200,8 +200,8 @@ def fit_similarity(
     Points on a line, or in one place, leave a part of the rotation open; one of the best is given.
     Where the scale is fitted, and not kept at 1, the points in b are not all in one place.
     """
-    found = fit_similarities(points_a_m[None], points_b_m[None], scale=scale)
-    return Similarity(float(found.scales[0]), found.rotmats[0], found.translations_m[0])
+    fits = fit_similarities(points_a_m[None], points_b_m[None], scale=scale)
+    return Similarity(float(fits.scales[0]), fits.rotmats[0], fits.translations_m[0])
 
 
 class Similarities(NamedTuple):
