@@ -171,7 +171,7 @@ def _look_first(jobs: Sequence[Job]) -> Results:
         except (NotMade, GmrdataError, OSError):
             return {}
 
-    return {id: result for found in in_threads(look, jobs) for id, result in found.items()}
+    return {id: result for results in in_threads(look, jobs) for id, result in results.items()}
 
 
 def _kept_reasons(jobs: Sequence[Job], results: Results, failures_dir: Path) -> dict[str, str]:

@@ -20,7 +20,7 @@ class _Console(Console):
     """One that no name or text of others commands: its control characters are shown as `\\x1b`."""
 
     def render_str(self, text: str, **options: Any) -> Text:
-        shown = _CONTROL.sub(lambda found: f"\\x{ord(found[0]):02x}", as_text(text))
+        shown = _CONTROL.sub(lambda match: f"\\x{ord(match[0]):02x}", as_text(text))
         return super().render_str(shown, **options)
 
 

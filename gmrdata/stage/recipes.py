@@ -40,8 +40,8 @@ def load_recipe(path: Path, model: type[Recipe]) -> Recipe:
         return model.of_plain(_read(path))
     except ValidationError as error:
         problems = "\n".join(
-            f"  {'.'.join(str(part) for part in found['loc']) or 'recipe'}: {found['msg']}"
-            for found in error.errors()
+            f"  {'.'.join(str(part) for part in problem['loc']) or 'recipe'}: {problem['msg']}"
+            for problem in error.errors()
         )
         raise BadRecipe(f"{path}: {error.error_count()} wrong:\n{problems}") from None
 

@@ -19,8 +19,8 @@ class Shard:
     @classmethod
     def parse(cls, text: str) -> Self:
         """Of a text like 2/4; BadRecipe where it is none."""
-        found = re.fullmatch(r"(\d{1,6})/(\d{1,6})", text)
-        shard = cls(int(found[1]), int(found[2])) if found else cls(1, 0)
+        match = re.fullmatch(r"(\d{1,6})/(\d{1,6})", text)
+        shard = cls(int(match[1]), int(match[2])) if match else cls(1, 0)
         if shard.index > shard.count or shard.count < 1:
             raise BadRecipe(f"--shard {text}: give it as 2/4, the second of four")
         return shard

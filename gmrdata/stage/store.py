@@ -357,10 +357,10 @@ def _read_or_none(kind: type[Kind], path: Path) -> Kind | None:
 def _differing_keys(a: Any, b: Any, prefix: str = "") -> list[str]:
     if not (isinstance(a, dict) and isinstance(b, dict)):
         return [] if a == b else [prefix]
-    found: list[str] = []
+    differing: list[str] = []
     for key in sorted(a.keys() | b.keys()):
-        found += _differing_keys(a.get(key), b.get(key), f"{prefix}.{key}" if prefix else key)
-    return found
+        differing += _differing_keys(a.get(key), b.get(key), f"{prefix}.{key}" if prefix else key)
+    return differing
 
 
 @cache
@@ -414,8 +414,8 @@ class _InputHashes:
 
     def __init__(self, out_dir: Path, run: Run) -> None:
         self._path = out_dir.with_name(f".{out_dir.name}.inputs")
-        found = None if run.redo else _read_or_none(InputsRecord, self._path)
-        self._earlier = {} if found is None else found.files
+        record = None if run.redo else _read_or_none(InputsRecord, self._path)
+        self._earlier = {} if record is None else record.files
         self._known: dict[str, KnownFile] = {}
 
     def of(self, inputs: Mapping[str, Path]) -> dict[str, str]:
@@ -453,6 +453,6 @@ class _InputHashes:
 
 def file_state(file: Path) -> tuple[int, FileState]:
     """Its device, and what stays as long as the content does."""
-    found = file.stat()
-    state = FileState(found.st_ino, found.st_size, found.st_mtime_ns, found.st_ctime_ns)
-    return found.st_dev, state
+    stat = file.stat()
+    state = FileState(stat.st_ino, stat.st_size, stat.st_mtime_ns, stat.st_ctime_ns)
+    return stat.st_dev, state

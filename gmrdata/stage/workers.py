@@ -158,9 +158,9 @@ def checked_workers(out_dir: Path, pool: Pool) -> Iterator[Fault | None]:
             what = f"no worker came to {client.scheduler.address} in {FIRST_WORKER_S:g} s"
             how = "Start some with `dask worker ADDRESS --nthreads 1`"
             raise NoWorkers(f"{what}. {how}") from None
-        found = client.run(fault, on_error="ignore")  # of who doesn't answer, nothing
-        if wrong := [f"  {address}: {said}" for address, said in sorted(found.items()) if said]:
-            what = f"{len(wrong)} of {len(found)} workers can't work on this"
+        answers = client.run(fault, on_error="ignore")  # of who doesn't answer, nothing
+        if wrong := [f"  {address}: {said}" for address, said in sorted(answers.items()) if said]:
+            what = f"{len(wrong)} of {len(answers)} workers can't work on this"
             raise NoWorkers("\n".join([f"{what}. Mend or stop them and run again:", *wrong]))
         yield fault
     finally:
