@@ -37,8 +37,8 @@ def joined_poses(arrays: dict[str, np.ndarray], path: Path) -> dict[str, np.ndar
         return (
             arrays | {"poses": poses.reshape(len(poses), 3 * poses.shape[1])} if is_rows else arrays
         )
-    found = {part: next((k for k in keys if k in arrays), "") for part, keys in SPLIT_KEYS.items()}
-    parts = {part: arrays[key] for part, key in found.items() if key}
+    key_of = {part: next((k for k in keys if k in arrays), "") for part, keys in SPLIT_KEYS.items()}
+    parts = {part: arrays[key] for part, key in key_of.items() if key}
     parts = {part: array for part, array in parts.items() if array.dtype.kind in "fiu"}
     if not {"root", "body"} <= parts.keys() or parts.get("path", np.empty((0, 3))).ndim != 2:
         return arrays

@@ -236,7 +236,7 @@ def read_amc(
     table = _table(body, columns, path, first_line)
     rows, rows_notes = recorded_rows(table[:, 1:], [], is_cmu(asf.names), False, path)
     table = table[rows]
-    angles = {bone: table[:, found] for bone, found in columns.items()}
+    angles = {bone: table[:, span] for bone, span in columns.items()}
     # Each bone starts at its parent's end.
     starts_m = np.array([asf.bones_m[p] if p >= 0 else np.zeros(3) for p in asf.parents])
     translations_m = np.tile(starts_m, (len(table), 1, 1))
@@ -259,8 +259,8 @@ def read_amc(
 def find_asf(amc_path: Path) -> Path:
     """The skeleton that lies beside an AMC file."""
     stem = amc_path.stem.lower()
-    found = sorted(p for p in visible(amc_path.parent.glob("*")) if p.suffix.lower() == ".asf")
-    there = [path for path in found if path.is_file()]
+    skeletons = sorted(p for p in visible(amc_path.parent.glob("*")) if p.suffix.lower() == ".asf")
+    there = [path for path in skeletons if path.is_file()]
     named = [
         path for path in there if re.match(f"{re.escape(path.stem.lower())}(?![a-z0-9])", stem)
     ]
@@ -358,8 +358,8 @@ def _plain_table(lines: list[str], due: Due) -> np.ndarray | None:
 def _closely_read_table(body: list[str], due: Due, path: Path, first_line: int) -> np.ndarray:
     """The table read line by line, with an error that says which line is wrong."""
     values: list[float] = []
-    found = zip(_filled_lines(body, first_line), cycle(due), strict=False)
-    for (line_number, words), (name, n_values) in found:
+    pairs = zip(_filled_lines(body, first_line), cycle(due), strict=False)
+    for (line_number, words), (name, n_values) in pairs:
         line = body[line_number - first_line]
         if not name and not (len(words) == 1 and _FRAME_NUMBER.fullmatch(words[0])):
             raise bad_line(path, line_number, f"{line[:40]!r} where a frame's number is due")

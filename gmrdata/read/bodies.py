@@ -123,19 +123,19 @@ def _dense(path: Path, key: str, value: Any) -> np.ndarray:
 
 
 def _gender(path: Path) -> str:
-    found = _found_gender(path)
-    if found is None:
+    said = _found_gender(path)
+    if said is None:
         like = f"neutral, female or male, like SMPL_NEUTRAL{path.suffix}"
         why = "the file does not say, and one gender's shape means nothing on another"
         raise BadBodyFile(f"{path}: name the file so that it says {like}: {why}")
-    return _GENDER_NAMES.get(found, found)
+    return _GENDER_NAMES.get(said, said)
 
 
 def _found_gender(path: Path) -> str | None:
     """What the file's name says, else its folder's."""
     stem, folder = path.stem.lower(), path.absolute().parent.name.lower()
-    found = _WORD.search(stem) or _LETTER.search(stem) or _WORD.search(folder)
-    return None if found is None else found[1]
+    match = _WORD.search(stem) or _LETTER.search(stem) or _WORD.search(folder)
+    return None if match is None else match[1]
 
 
 BODY_FILE = "body.npz"
@@ -205,8 +205,8 @@ def load_bodies(body: Path | str | None) -> tuple[BodyModel, ...]:
     folder = _given(body)
     if folder is None or not folder.is_dir():
         return (load_body(folder),)
-    found = _named_files(folder)
-    return of_equal_size([one for _, one in (found[name] for name in sorted(found))])
+    by_name = _named_files(folder)
+    return of_equal_size([one for _, one in (by_name[name] for name in sorted(by_name))])
 
 
 def body_inputs(body: Path | None, role: str = "body") -> dict[str, Path]:
@@ -222,26 +222,26 @@ def body_file(body: str, name: str) -> Path:
     folder = _given(body)
     if folder is None or not folder.is_dir():
         return folder or ANNY_FILE
-    found = _named_files(folder)
-    if name not in found:
-        raise BadBodyFile(f"{folder}: holds {', '.join(found)}, but not {name}. Put it there")
-    return found[name][0]
+    by_name = _named_files(folder)
+    if name not in by_name:
+        raise BadBodyFile(f"{folder}: holds {', '.join(by_name)}, but not {name}. Put it there")
+    return by_name[name][0]
 
 
 def _named_files(folder: Path) -> dict[str, tuple[Path, BodyModel]]:
     """A folder's bodies and their files, by the bodies' names."""
-    found: dict[str, tuple[Path, BodyModel]] = {}
+    by_name: dict[str, tuple[Path, BodyModel]] = {}
     for path in body_files(folder):
         one = load_body(path)
-        if one.name in found:
-            both = f"{found[one.name][0]} and {path}"
+        if one.name in by_name:
+            both = f"{by_name[one.name][0]} and {path}"
             what = f"holds two files of the body {one.name}: {both}"
             raise BadBodyFile(f"{folder}: {what}. Leave one there")
-        found[one.name] = path, one
-    if not found:
+        by_name[one.name] = path, one
+    if not by_name:
         like = "like SMPL_FEMALE.npz, basicmodel_f_lbs_10_207_0_v1.1.0.pkl or female/model.npz"
         raise MissingInput(f"{folder}: holds no SMPL models, which are named {like}")
-    return found
+    return by_name
 
 
 class BodyConfig(Config):

@@ -94,8 +94,8 @@ def _check_array(path: Path, name: str, array: np.ndarray | str, sizes: dict[str
     if array.ndim != len(wanted):
         raise BadBodyFile(f"{path}: {name} has {array.ndim} dimensions, expected {len(wanted)}")
     shape = tuple(
-        sizes.setdefault(size, found) if isinstance(size, str) else size
-        for size, found in zip(wanted, array.shape, strict=True)
+        sizes.setdefault(size, length) if isinstance(size, str) else size
+        for size, length in zip(wanted, array.shape, strict=True)
     )
     if array.shape != shape:
         raise BadBodyFile(f"{path}: {name} has the shape {array.shape}, expected {shape}")
@@ -161,11 +161,11 @@ def _uv_of_obj(path: Path, faces: np.ndarray) -> np.ndarray:
         what = f"has {len(corners)} triangles, but the body has {len(faces)}"
         raise BadBodyFile(f"{path}: {what}; {remedy}")
     # A face's corners may start anywhere, so each is found by all three of its beginnings.
-    found: dict[tuple[int, ...], list[int]] = {}
+    ft_of: dict[tuple[int, ...], list[int]] = {}
     for (a, b, c), (p, q, r) in corners:
-        found |= {(a, b, c): [p, q, r], (b, c, a): [q, r, p], (c, a, b): [r, p, q]}
+        ft_of |= {(a, b, c): [p, q, r], (b, c, a): [q, r, p], (c, a, b): [r, p, q]}
     try:
-        ft = np.array([found[tuple(face)] for face in faces.tolist()])
+        ft = np.array([ft_of[tuple(face)] for face in faces.tolist()])
     except KeyError as unknown:
         what = f"has no triangle of the body's vertices {unknown.args[0]} (counted from 0)"
         raise BadBodyFile(f"{path}: {what}; {remedy}") from None

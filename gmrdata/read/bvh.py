@@ -202,11 +202,11 @@ def _read_motion_header(lines: list[str], start: int, path: Path) -> tuple[int, 
     return int(number), keys[1][2].strip(), filled[1] + 1
 
 
-def _columns(tree: Hierarchy, kind: str) -> list[list[tuple[str, int]]]:
+def _columns(tree: Hierarchy, wanted: str) -> list[list[tuple[str, int]]]:
     """Per joint, the (axis, column in the table) of its channels of one kind."""
     column = count()
-    numbered = [[(axis, found, next(column)) for axis, found in names] for names in tree.channels]
-    return [[(axis, n) for axis, found, n in names if found == kind] for names in numbered]
+    numbered = [[(axis, kind, next(column)) for axis, kind in names] for names in tree.channels]
+    return [[(axis, n) for axis, kind, n in names if kind == wanted] for names in numbered]
 
 
 def _local_rotmats(tree: Hierarchy, table: np.ndarray) -> np.ndarray:

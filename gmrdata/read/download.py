@@ -287,9 +287,9 @@ def _place(
     if answer.status != 206:
         length = answer.headers.get("Content-Length", "")
         return 0, int(length) if re.fullmatch(r"[0-9]{1,15}", length) else None
-    found = _RANGE.fullmatch(answer.headers.get("Content-Range", ""))
-    if found and note and _validator(answer) in (None, note.validator):
-        start, total = int(found[1]), int(found[3])
+    match = _RANGE.fullmatch(answer.headers.get("Content-Range", ""))
+    if match and note and _validator(answer) in (None, note.validator):
+        start, total = int(match[1]), int(match[3])
         if start == n_there and note.size in (None, total):
             return n_there, total
     drop_part(path)

@@ -25,11 +25,11 @@ GENDERS = ("female", "male", "neutral")
 
 def find_sequences(root: Path) -> list[Path]:
     """The `*_data.pkl` of each sequence, sorted; links that lead out of the folder are left out."""
-    found = files_inside(root, visible(root.glob("P*/*/*_data.pkl")))
-    if not found:
+    paths = files_inside(root, visible(root.glob("P*/*/*_data.pkl")))
+    if not paths:
         remedy = "Name the folder that holds EMDB's P0 to P9"
         raise MissingInput(f"{root}: no P*/<sequence>/*_data.pkl. {remedy}")
-    return found
+    return paths
 
 
 @dataclass(frozen=True, eq=False)

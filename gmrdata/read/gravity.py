@@ -39,8 +39,8 @@ def read_gravity(path: Path, frames: FrameSet) -> np.ndarray:
     """
     ups = ups_by_frame(path)
     nowhere = np.full(3, np.nan)
-    found = np.array([ups.get(int(number), nowhere) for number in frames.frame_numbers])
-    if np.isfinite(found[:, 0]).sum() < 2:
+    directions = np.array([ups.get(int(number), nowhere) for number in frames.frame_numbers])
+    if np.isfinite(directions[:, 0]).sum() < 2:
         numbers = f"{frames.frame_numbers[0]}-{frames.frame_numbers[-1]}"
         what = f"has gravity of hardly any of the video's frames {numbers}"
         raise BadIntrinsics(f"{path}: {what}; give the video's own file")
@@ -50,7 +50,7 @@ def read_gravity(path: Path, frames: FrameSet) -> np.ndarray:
         what = f"has gravity up to frame {max(ups)}, and there are {frames.n_frames} frames"
         remedy = "give the whole video with --from and --to, or a .csv whose frame 0 is the first"
         raise BadIntrinsics(f"{path}: {what}; {remedy}")
-    return found
+    return directions
 
 
 def ups_by_frame(path: Path) -> dict[int, np.ndarray]:
@@ -74,10 +74,10 @@ def _record3d(values: Mapping[str, Any]) -> Iterator[tuple[int, np.ndarray]]:
 
 
 def _quaternions(poses: Sequence[Sequence[float]]) -> np.ndarray:
-    found = np.array(poses, dtype=np.float64)
-    if found.ndim != 2 or found.shape[1] != 7 or not np.isfinite(found).all():
+    rows = np.array(poses, dtype=np.float64)
+    if rows.ndim != 2 or rows.shape[1] != 7 or not np.isfinite(rows).all():
         raise ValueError("poses are not seven numbers each")
-    return found[:, :4]
+    return rows[:, :4]
 
 
 def _rows(text: str) -> Iterator[tuple[int, np.ndarray]]:

@@ -41,16 +41,16 @@ _AGAIN = "get the file again"
 def find_subjects(root: Path) -> dict[int, Path]:
     """The file of SMPL parameters of each subject, in the folder or in its `annotations`."""
     folders = (root, root / "annotations")
-    found = {}
+    files = {}
     for subject in (*TRAINING_SUBJECTS, *TEST_SUBJECTS):
         paths = [folder / n.format(subject) for n in PARAMETER_FILES for folder in folders]
         there = [path for path in paths if path.is_file()]
         if there:
-            found[subject] = there[0]
-    if not found:
+            files[subject] = there[0]
+    if not files:
         what = f"no {PARAMETER_FILES[0].format('N')} here or in annotations/"
         raise MissingInput(f"{root}: {what}. Name the folder of Human3.6M's annotation files")
-    return found
+    return files
 
 
 def find_cameras(parameter_path: Path, subject: int) -> Path:

@@ -113,11 +113,11 @@ def _two_terms(path: Path, pinhole: Lens, terms: tuple[float, ...]) -> tuple[flo
     k1, k2, p1, p2, k3 = (*terms, 0.0, 0.0, 0.0, 0.0, 0.0)[:5]
     r, focal_px = np.linspace(0, pinhole.corner_radius, 50), max(pinhole.focal_px)
     beyond = k2 * r**5 + k3 * r**7
-    found, left = (k1, 0.0), focal_px * beyond
+    radial, left = (k1, 0.0), focal_px * beyond
     if np.abs(left).max() > MOST_SHIFT_PX:
         powers = np.stack([r**3, r**5], axis=1)
         more = np.linalg.lstsq(powers, beyond, rcond=None)[0]
-        found, left = (k1 + more[0], more[1]), focal_px * (beyond - powers @ more)
+        radial, left = (k1 + more[0], more[1]), focal_px * (beyond - powers @ more)
     tangential_px = 3 * (abs(p1) + abs(p2)) * r[-1] ** 2 * focal_px
     most_px = MOST_TANGENTIAL * max(pinhole.size_px)
     if np.abs(left).max() > MOST_SHIFT_PX or tangential_px > max(MOST_SHIFT_PX, most_px):
@@ -125,7 +125,7 @@ def _two_terms(path: Path, pinhole: Lens, terms: tuple[float, ...]) -> tuple[flo
         what = f"terms of distortion beyond k1 and k2 move the corner by {shift_px:.1f} px"
         remedy = "calibrate with two radial terms (COLMAP: RADIAL), or undistort the frames"
         raise BadIntrinsics(f"{path}: {what}; {remedy}")
-    return float(found[0]), float(found[1])
+    return float(radial[0]), float(radial[1])
 
 
 def exif_lens(image: Path, size_px: tuple[int, int]) -> Lens | None:

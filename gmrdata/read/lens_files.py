@@ -98,15 +98,15 @@ def _whole(size_px: tuple[float, float]) -> tuple[int, int]:
 def _colmap_binary(content: bytes) -> InFile:
     """uint64 count; of each camera uint32 id, int32 model, uint64 width, height, doubles."""
     names = {number: name for name, (number, _, _) in COLMAP_TERMS.items()}
-    (count,), at, found = struct.unpack_from("<Q", content), 8, []
+    (count,), at, cameras = struct.unpack_from("<Q", content), 8, []
     for _ in range(min(count, len(content))):
         _, model, width, height = struct.unpack_from("<IiQQ", content, at)
         if model not in names:
             raise OtherModel(COLMAP_OTHERS.get(model, f"number {model}"))
         params = struct.unpack_from(f"<{COLMAP_TERMS[names[model]][2]}d", content, at + 24)
         at += 24 + 8 * len(params)
-        found.append(_colmap_camera(names[model], (width, height, *params)))
-    return _one_of(found)
+        cameras.append(_colmap_camera(names[model], (width, height, *params)))
+    return _one_of(cameras)
 
 
 def _one_of(cameras: list[InFile]) -> InFile:
@@ -392,8 +392,8 @@ def _numbers(value: Any) -> list[float] | None:
 
 def _first(values: Values, names: tuple[str, ...], n: tuple[int, ...] = (1,)) -> list[float] | None:
     """The numbers under the first of several names that has so many."""
-    found = (_numbers(values.get(name)) or [] for name in names)
-    return next((numbers for numbers in found if len(numbers) in n), None)
+    lists = (_numbers(values.get(name)) or [] for name in names)
+    return next((numbers for numbers in lists if len(numbers) in n), None)
 
 
 def _camera(values: Values, frames_px: tuple[int, int], from_middle: bool) -> InFile:

@@ -114,6 +114,6 @@ def wanted_models(out_dir: Path, config: FetchConfig) -> list[Wanted]:
 
 
 def _accept(model: Model, url: str, part: Path) -> None:
-    if (found := sha256_of_file(part)) != model.sha256:
-        what = f"its SHA-256 is {found}, that of the published file {model.sha256}"
+    if (sha256 := sha256_of_file(part)) != model.sha256:
+        what = f"its SHA-256 is {sha256}, that of the published file {model.sha256}"
         raise FetchFailed(f"{url}: not the published file: {what}")

@@ -173,7 +173,7 @@ def array_of(value: Any, what: str, shape: tuple[int | None, ...], kinds: str) -
     if not isinstance(value, np.ndarray) or value.dtype.kind not in kinds:
         raise WrongContent(f"{what} is {kind_of(value)}, expected an array of numbers")
     sizes = zip(shape, value.shape, strict=False)
-    if value.ndim != len(shape) or any(wanted not in (None, found) for wanted, found in sizes):
+    if value.ndim != len(shape) or any(wanted not in (None, size) for wanted, size in sizes):
         expected = ", ".join("any" if size is None else str(size) for size in shape)
         raise WrongContent(f"{what} has shape {value.shape}, expected ({expected})")
     return value

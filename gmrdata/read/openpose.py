@@ -83,9 +83,9 @@ def read_people(path: Path) -> list[Person2d]:
 def _person(path: Path, person: Any) -> Person2d:
     flat = person.get("pose_keypoints_2d") if isinstance(person, dict) else None
     if not isinstance(flat, list) or len(flat) not in {3 * n for n in LAYOUTS}:
-        found = f"{len(flat)} numbers" if isinstance(flat, list) else "none"
+        count = f"{len(flat)} numbers" if isinstance(flat, list) else "none"
         known = " or ".join(f"{3 * n} ({name})" for n, name in LAYOUTS.items())
-        raise BadKeypoints(f"{path}: pose_keypoints_2d has {found}, expected {known}")
+        raise BadKeypoints(f"{path}: pose_keypoints_2d has {count}, expected {known}")
     # Whole numbers of JSON have no largest one, and NaN is below nothing.
     if not all(type(n) in (int, float) and abs(n) < 1e9 for n in flat) or min(flat[2::3]) < 0:
         what = "something that is no number, or a confidence below zero"

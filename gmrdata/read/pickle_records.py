@@ -206,10 +206,10 @@ def _numbers_in(value: Any, known: dict[int, int | None]) -> int:
         texts = [len(part) for part in parts if isinstance(part, str | bytes)]
         text = len(texts) * max(texts, default=0)
         known[id(value)] = text + 1 + sum(_numbers_in(part, known) for part in parts)
-    found = known[id(value)]
-    if found is None:
+    count = known[id(value)]
+    if count is None:
         raise OverBudget("holds a list or dictionary that is in itself")
-    return found
+    return count
 
 
 def _array_of(value: Any, done: _Done) -> np.ndarray:
@@ -306,10 +306,10 @@ def _array(
         return np.zeros(shape, dtype)
     if dtype.itemsize == 0:
         raise ValueError(f"an array of shape {shape} has numbers of no bytes")
-    found = np.frombuffer(data, dtype).reshape(shape, order=order).copy(order="K")
+    array = np.frombuffer(data, dtype).reshape(shape, order=order).copy(order="K")
     if dtype.kind == "U":
-        require_texts("an array", found)
-    return found
+        require_texts("an array", array)
+    return array
 
 
 def storage_of(name: str, raw: bytes) -> np.ndarray:

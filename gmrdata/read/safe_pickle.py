@@ -59,11 +59,11 @@ def _unpacked(data: bytes, budget: Budget) -> bytes:
         chunks = iter(partial(opener(io.BytesIO(data)).read, _CHUNK_BYTES), b"")
     else:
         return data
-    found = bytearray()
+    content = bytearray()
     for chunk in chunks:
         budget.take_bytes(len(chunk))
-        found += chunk
-    return bytes(found)
+        content += chunk
+    return bytes(content)
 
 
 def _zlib_chunks(data: bytes) -> Iterator[bytes]:
@@ -126,8 +126,8 @@ def load_object_npy(path: Path) -> Any:
         shape, _, dtype = getattr(np.lib.format, f"read_array_header_{version}_0")(stream)
         if shape != () or dtype != np.dtype(object):
             raise ValueError(f"holds an array of dtype {dtype} and shape {shape}")
-        found = Interpreter(stream, budget).load()
-        return pickle_records.plain(found, budget).item()
+        unpickled = Interpreter(stream, budget).load()
+        return pickle_records.plain(unpickled, budget).item()
 
 
 @contextmanager
@@ -368,7 +368,7 @@ def _storage(data: bytes, budget: Budget) -> np.ndarray:
     name, n_numbers = _StorageInterpreter(stream, budget).load()
     Interpreter(stream, budget).load()
     (n_said,) = struct.unpack("<q", stream.read(8))
-    found = pickle_records.storage_of(name, stream.read())
-    if not n_said == n_numbers == len(found):
+    numbers = pickle_records.storage_of(name, stream.read())
+    if not n_said == n_numbers == len(numbers):
         raise ValueError(f"a tensor of {n_numbers} numbers lacks its bytes")
-    return found
+    return numbers

@@ -95,14 +95,14 @@ def _problems(files: SequenceFiles, arrays: SequenceArrays, images: SequenceImag
     bad_images = sum(fault != "" for fault in images.faults)
     n_people = len(arrays.people)
     odd = [_odd_60hz(person, arrays.img_frame_ids) for person in arrays.people]
-    found = (
+    checks = (
         (arrays.name != files.name, f"the file says that it is sequence {arrays.name[:100]!r}"),
         (bad_images, f"{bad_images} of {arrays.n_frames} images can't be used"),
         (images.spare, f"{len(images.spare)} images beyond the last row"),
         (n_people > 2, f"{n_people} people, 3DPW has one or two"),
         *((what, f"person {index}: {what}") for index, what in enumerate(odd)),
     )
-    return [text for is_so, text in found if is_so]
+    return [text for is_so, text in checks if is_so]
 
 
 def _odd_60hz(person: ThreedpwPerson, img_frame_ids: np.ndarray) -> str:

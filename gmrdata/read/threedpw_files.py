@@ -195,28 +195,28 @@ def find_sequences(root: Path) -> list[SequenceFiles]:
         raise MissingInput(f"{root}: has no folder {SEQUENCES_DIR}; {remedy}")
     require_inside(root, folder)
     splits = [split for split in SPLITS if (folder / split).is_dir()]
-    found = []
+    files = []
     for split in splits:
         require_inside(root, folder / split)
         names = sorted(path.stem for path in (folder / split).glob("*.pkl"))
-        found += [SequenceFiles(root, name, split) for name in names if not name.startswith(".")]
-    if not found:
+        files += [SequenceFiles(root, name, split) for name in names if not name.startswith(".")]
+    if not files:
         lack = f"no .pkl in {', '.join(splits)}"
         lack = lack if splits else f"none of {', '.join(SPLITS)} is in it"
         raise MissingInput(f"{folder}: {lack}; unpack 3DPW's sequenceFiles.zip there")
-    return found
+    return files
 
 
 def find_sequence(root: Path, name: str) -> SequenceFiles:
     """One sequence by a name like `courtyard_arguing_00`, in whichever split it is."""
     require_name(name)
     sequences = find_sequences(root)
-    found = [files for files in sequences if files.name == name]
-    if not found:
+    named = [files for files in sequences if files.name == name]
+    if not named:
         what = f"no sequence {name!r} in {', '.join(SPLITS)} ({len(sequences)} others)"
         raise MissingInput(f"{root}: {what}; `gmrdata threedpw list` shows the names")
-    require_one_split(name, found)
-    return found[0]
+    require_one_split(name, named)
+    return named[0]
 
 
 def require_name(name: str) -> None:

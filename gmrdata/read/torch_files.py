@@ -34,8 +34,8 @@ def load_tensors(path: Path) -> Mapping[str, Any]:
     with explained(path, "a file of torch.save", BadMotionFile):
         check_archive(path, budget)
         with zipfile.ZipFile(path) as archive:
-            found = _Reader(archive, _folder_in(archive), budget).load()
-        content = pickle_records.plain(found, budget)
+            unpickled = _Reader(archive, _folder_in(archive), budget).load()
+        content = pickle_records.plain(unpickled, budget)
     if not isinstance(content, Mapping):
         raise BadMotionFile(f"{path}: holds no dict; give the file that the system wrote")
     return content

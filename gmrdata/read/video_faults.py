@@ -36,10 +36,10 @@ def why_no_video(path: Path) -> str:
 
 def _boxes(path: Path) -> list[tuple[str, bool]]:
     """Name of each outer box of an MP4 file (ISO 14496-12, 4.2), and whether it is cut off."""
-    found: list[tuple[str, bool]] = []
+    boxes: list[tuple[str, bool]] = []
     at, size = 0, path.stat().st_size
     with path.open("rb") as file:
-        while at + 8 <= size and len(found) < MOST_BOXES:
+        while at + 8 <= size and len(boxes) < MOST_BOXES:
             file.seek(at)
             head = file.read(16)
             n_bytes, name = int.from_bytes(head[:4], "big"), head[4:8]
@@ -48,6 +48,6 @@ def _boxes(path: Path) -> list[tuple[str, bool]]:
             if not name.isalnum() or (n_bytes and n_bytes < 8):
                 break
             # Of 0 bytes is one that is being written, or goes on to the end.
-            found.append((name.decode("ascii"), n_bytes == 0 or at + n_bytes > size))
+            boxes.append((name.decode("ascii"), n_bytes == 0 or at + n_bytes > size))
             at += n_bytes or size
-    return found
+    return boxes

@@ -51,8 +51,8 @@ def find_videos(sources: Sequence[Path]) -> FoundVideos | None:
     if len(sources) == 1 and listed[0] is None:
         return None
     paths, remarks = [], []
-    for source, (found, others) in zip(sources, (one or ([], []) for one in listed), strict=True):
-        paths += found or [source]
+    for source, (files, others) in zip(sources, (one or ([], []) for one in listed), strict=True):
+        paths += files or [source]
         if others:
             what = f"{len(others)} that are not named as videos are left out"
             remarks.append(f"{source}: {what}: {some(others, MAX_LISTED)}")
@@ -148,11 +148,11 @@ def with_poses(found: FoundVideos, folder: Path) -> FoundVideos:
 
 def _poses_in(folder: Path) -> dict[str, Path]:
     """A folder's poses by the name of their video; absolute paths."""
-    found: dict[str, Path] = {}
+    named: dict[str, Path] = {}
     for path in sorted(folder.iterdir()):
         if path.name.startswith(".") or not (path.is_dir() or _is_file_of(path, POSES_SUFFIXES)):
             continue
         name = path.name if path.is_dir() else path.stem
-        if (other := found.setdefault(name, path)) != path:
+        if (other := named.setdefault(name, path)) != path:
             raise BadRecipe(f"{other} and {path} are both poses of video {name}. Leave one there")
-    return {name: result_file(path.absolute()) for name, path in found.items()}
+    return {name: result_file(path.absolute()) for name, path in named.items()}

@@ -64,15 +64,15 @@ class Entry:
         value, what = self.values[key], f"{key} of {self.name}"
         if rows is not None and isinstance(value, np.ndarray) and value.shape[:1] == shape[:1]:
             value, shape = value[rows], (len(rows), *shape[1:])
-        found = finite_numbers(value, what, self.path)
-        pairs = zip(shape, found.shape, strict=False)
-        wrong = found.ndim != len(shape) or any(n not in (None, size) for n, size in pairs)
-        if wrong or not found.size:
+        numbers = finite_numbers(value, what, self.path)
+        pairs = zip(shape, numbers.shape, strict=False)
+        wrong = numbers.ndim != len(shape) or any(n not in (None, size) for n, size in pairs)
+        if wrong or not numbers.size:
             wanted = ", ".join("T" if n is None else str(n) for n in shape)
-            raise self.fault(f"{what} is {found.shape}, not ({wanted})")
-        if key in AXIS_ANGLES and found.shape[-1] % 3 == 0:
-            require_radians(found, what, self.path)
-        return found
+            raise self.fault(f"{what} is {numbers.shape}, not ({wanted})")
+        if key in AXIS_ANGLES and numbers.shape[-1] % 3 == 0:
+            require_radians(numbers, what, self.path)
+        return numbers
 
     def finite(self, key: str) -> np.ndarray:
         """The numbers of a key, in the shape that they have."""
@@ -82,10 +82,10 @@ class Entry:
 
     def flat(self, key: str, size: int | None) -> np.ndarray:
         """So many numbers, however they are nested; None for any count but 0."""
-        found = self.finite(key).ravel()
-        if found.size == 0 or size not in (None, found.size):
-            raise self.fault(f"{key} of {self.name} has {found.size} numbers, not {size or 'any'}")
-        return found
+        row = self.finite(key).ravel()
+        if row.size == 0 or size not in (None, row.size):
+            raise self.fault(f"{key} of {self.name} has {row.size} numbers, not {size or 'any'}")
+        return row
 
     def positive(self, key: str, values: np.ndarray) -> None:
         """Refuse what is not above 0; `key` says what it is of the entry."""
@@ -105,13 +105,13 @@ class Entry:
 
     def frame_numbers(self, key: str, n_rows: int) -> np.ndarray:
         """(T,) int, rising from 0 or more: the video's frames of the rows."""
-        found, what = self.finite(key), f"{key} of {self.name}"
-        if found.shape != (n_rows,):
-            raise self.fault(f"{what} is {found.shape} for {n_rows} poses")
-        is_whole = np.array_equal(found, np.round(found))
-        if not is_whole or found.min() < 0 or (np.diff(found) <= 0).any():
+        numbers, what = self.finite(key), f"{key} of {self.name}"
+        if numbers.shape != (n_rows,):
+            raise self.fault(f"{what} is {numbers.shape} for {n_rows} poses")
+        is_whole = np.array_equal(numbers, np.round(numbers))
+        if not is_whole or numbers.min() < 0 or (np.diff(numbers) <= 0).any():
             raise self.fault(f"{what} are not rising frame numbers")
-        return found.astype(np.int64)
+        return numbers.astype(np.int64)
 
     def betas(self, key: str, n_rows: int) -> np.ndarray | None:
         """(T, S) shape coefficients by row, from those or from one shape (S,) for all; or None."""

@@ -136,10 +136,10 @@ def _betas(whole: Entry, smpl: list[Entry]) -> np.ndarray | None:
     """(T, S), where all rows have them."""
     if _first_lack(smpl, "betas"):
         return None
-    found = [one.flat("betas", None) for one in smpl]
-    if len({one.size for one in found}) > 1:
+    betas = [one.flat("betas", None) for one in smpl]
+    if len({one.size for one in betas}) > 1:
         raise whole.fault(f"betas of {whole.name} are of other lengths by frame")
-    return np.stack(found)
+    return np.stack(betas)
 
 
 def _crop(name: str, rows: list[Entry]) -> tuple[Crop, tuple[float, float]]:

@@ -50,9 +50,9 @@ def read_prompthmr(content: Mapping[Any, Any], path: Path) -> EstimatedPeople:
         centres_m = -np.einsum("tij,tj->ti", turns, camera.array("Tcw", n_frames, 3))
         made = dict(zip(PATH_KEYS, (turns, centres_m), strict=True))
         camera = Entry(camera.values | made, camera.name, path)
-    found = content["people"] if isinstance(content["people"], Mapping) else {}
+    entries = content["people"] if isinstance(content["people"], Mapping) else {}
     people = (
-        _person(Entry(one, person_name(key, path), path), camera) for key, one in found.items()
+        _person(Entry(one, person_name(key, path), path), camera) for key, one in entries.items()
     )
     return EstimatedPeople("prompt-hmr", (path,), tuple(people), n_frames)
 

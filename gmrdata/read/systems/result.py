@@ -60,14 +60,14 @@ def read_system(path: Path, need: Part = "poses") -> EstimatedPeople:
         MissingInput, BadMotionFile, BrokenPickle, UnsafePickle: name the file and the remedy.
     """
     require_text(path, BadMotionFile)
-    found = _read(path)
-    if not found.people:
+    estimate = _read(path)
+    if not estimate.people:
         what = "has no person in it: nobody is seen in any frame"
         raise BadMotionFile(f"{path}: {what}. Give a file with tracked people")
-    for person in found.people:
+    for person in estimate.people:
         if why := person.lacks.get(need):
             raise BadMotionFile(f"{path}: {person.name} has {why}, so {MISSED[need]}. {AGAIN}")
-    return found
+    return estimate
 
 
 def result_file(path: Path) -> Path:
@@ -173,7 +173,7 @@ def _built_in(folder: Path) -> EstimatedPeople:
     record, people = load_local_poses(folder)
     files = (folder / POSES_FILE, *(folder / person_file(n) for n in range(record.people)))
     width_px, height_px = record.size_px
-    found = [
+    estimated = [
         EstimatedPerson(
             name=f"person_{n}",
             frame_numbers=one.frame_numbers,
@@ -184,7 +184,7 @@ def _built_in(folder: Path) -> EstimatedPeople:
         )
         for n, one in enumerate(people)
     ]
-    return EstimatedPeople("gmrdata", files, tuple(found))
+    return EstimatedPeople("gmrdata", files, tuple(estimated))
 
 
 AMASS_KEYS = frozenset({"poses", "trans"})
@@ -219,20 +219,20 @@ def _with_amass_keys(arrays: dict[str, Any], path: Path) -> EstimatedPeople:
 
 def _plain_motion(content: dict[Any, Any], path: Path) -> dict[str, Any] | None:
     """A pickled motion by AMASS's keys: of MoSh (fullpose), or of AIST++, y up and scaled."""
-    found = {key: value for key, value in content.items() if isinstance(key, str)}
-    if "fullpose" in found:
-        found["poses"] = found["fullpose"]
-    if found.keys() >= {"smpl_poses", "smpl_trans", "smpl_scaling"}:
-        entry = Entry(found, "the motion", path)
+    motion = {key: value for key, value in content.items() if isinstance(key, str)}
+    if "fullpose" in motion:
+        motion["poses"] = motion["fullpose"]
+    if motion.keys() >= {"smpl_poses", "smpl_trans", "smpl_scaling"}:
+        entry = Entry(motion, "the motion", path)
         scaling = float(entry.flat("smpl_scaling", 1)[0])
         poses, trans = (entry.array(key, None, None) for key in ("smpl_poses", "smpl_trans"))
         if not scaling > 0 or poses.shape[1] != 72 or trans.shape[1] != 3:
             raise entry.fault(f"smpl_poses are {poses.shape}, smpl_scaling is {scaling:g}")
         roots = WORLD_FROM_REST @ rotmats_of(poses[:, :3])[:, 0]
-        found["poses"] = np.concatenate([rotvecs_from_rotmats(roots), poses[:, 3:]], axis=1)
+        motion["poses"] = np.concatenate([rotvecs_from_rotmats(roots), poses[:, 3:]], axis=1)
         pelvis_m = (trans / scaling + SMPL_REST_PELVIS_M) @ WORLD_FROM_REST.T
-        found["trans"] = pelvis_m - SMPL_REST_PELVIS_M
-    return found if found.keys() >= AMASS_KEYS else None
+        motion["trans"] = pelvis_m - SMPL_REST_PELVIS_M
+    return motion if motion.keys() >= AMASS_KEYS else None
 
 
 def _mean_betas(entry: Entry, n_rows: int) -> np.ndarray | None:

@@ -74,7 +74,7 @@ def read_sam3d(content: Any, path: Path) -> EstimatedPeople:
                     f"{path}: {name} is twice in picture {number}. Name people once"
                 )
             rows[name][number] = row
-    people = (_person(_stacked(name, found, path), sorted(found)) for name, found in rows.items())
+    people = (_person(_stacked(name, own, path), sorted(own)) for name, own in rows.items())
     return EstimatedPeople("sam-3d-body", (path,), tuple(people), len(pictures))
 
 

@@ -50,8 +50,8 @@ def files_beside(path: Path) -> dict[str, Path]:
     """What a result is read with, by role: `tracks`, and `config` if it is there; empty without."""
     infos = (path.with_name(TRACK_INFO), path.parent.parent / TRACK_INFO)
     info = next((one for one in infos if one.is_file()), None)
-    found = {} if info is None else {"tracks": info, "config": info.parent / CONFIG}
-    return {role: file for role, file in found.items() if file.is_file()}
+    files = {} if info is None else {"tracks": info, "config": info.parent / CONFIG}
+    return {role: file for role, file in files.items() if file.is_file()}
 
 
 def read_slahmr(arrays: dict[str, Any], path: Path) -> EstimatedPeople:
@@ -102,14 +102,14 @@ def _track_info(path: Path) -> tuple[dict[str, np.ndarray], tuple[int, int], int
         content = parse_json(path.read_text(encoding="utf-8"))
         meta = content["meta"]
         start, (row_start, row_stop) = int(meta["data_interval"][0]), map(int, meta["seq_interval"])
-        found = sorted(content["tracks"].items(), key=lambda item: int(item[1]["index"]))
-        if [int(info["index"]) for _, info in found] != list(range(len(found))):
+        tracks = sorted(content["tracks"].items(), key=lambda item: int(item[1]["index"]))
+        if [int(info["index"]) for _, info in tracks] != list(range(len(tracks))):
             raise ValueError("the tracks' indices are not 0, 1, 2, ...")
         if not 0 <= start < LARGEST_NUMBER or not 0 <= row_start < row_stop:
             raise ValueError("its intervals hold no frames")
         seen = {
             f"person_{int(key)}": np.asarray(info["vis_mask"], dtype=bool).ravel()
-            for key, info in found
+            for key, info in tracks
         }
         if any(len(mask) < row_stop for mask in seen.values()):
             raise ValueError("a vis_mask is shorter than its interval")

@@ -45,8 +45,8 @@ def is_tram_folder(folder: Path) -> bool:
 def read_tram_folder(folder: Path) -> EstimatedPeople:
     tracks: dict[int, Path] = {}
     for path in sorted((folder / HPS_FOLDER).glob("hps_track_*.npy")):
-        found = _TRACK.fullmatch(path.name)
-        if found and (other := tracks.setdefault(int(found[1]), path)) != path:
+        match = _TRACK.fullmatch(path.name)
+        if match and (other := tracks.setdefault(int(match[1]), path)) != path:
             what = f"{other.name} and {path.name} are of one number. Keep one of them"
             raise BadMotionFile(f"{path.parent}: {what}")
     if not (folder / CAMERA_FILE).is_file() or not tracks:

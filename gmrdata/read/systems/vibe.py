@@ -69,8 +69,8 @@ def _widened(entry: Entry) -> float:
     if entry.has("joints2d_img_coord"):
         return CROP_OVER_BOX
     name = f"{path.parent.name} {'pymaf' if path.stem == 'output' else path.stem}".lower()
-    found = (n for word, n in _OTHERS if re.search(f"(?<![a-z]){word}(?![a-z])", name))
-    return next(found, CROP_OVER_BOX)
+    ratios = (n for word, n in _OTHERS if re.search(f"(?<![a-z]){word}(?![a-z])", name))
+    return next(ratios, CROP_OVER_BOX)
 
 
 def _crop(entry: Entry, n_rows: int, widened: float) -> Crop | None:
