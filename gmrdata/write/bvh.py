@@ -46,8 +46,8 @@ def _angles_deg(rotmats: np.ndarray) -> np.ndarray:
     with warnings.catch_warnings():
         # At a right angle two of the three angles say the same; any pair of them will do.
         warnings.simplefilter("ignore", UserWarning)
-        found = Rotation.from_matrix(rotmats.reshape(-1, 3, 3)).as_euler(ORDER, degrees=True)
-    angles_deg = found.reshape(*rotmats.shape[:2], 3)
+        flat_deg = Rotation.from_matrix(rotmats.reshape(-1, 3, 3)).as_euler(ORDER, degrees=True)
+    angles_deg = flat_deg.reshape(*rotmats.shape[:2], 3)
     for before, now in pairwise(angles_deg):
         either = np.stack([now, now * [1, -1, 1] + 180])  # both are the same rotation
         either += 360 * np.round((before - either) / 360)

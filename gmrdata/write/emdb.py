@@ -26,8 +26,8 @@ _NAME = re.compile(r"(P\d{1,2})_(.+)")
 
 def emdb_name(clip_id: str) -> tuple[str, str]:
     """Folders of the subject and the sequence: P0 and 09_outdoor_walk; others are a P0's."""
-    found = _NAME.fullmatch(clip_id)
-    return (found[1], found[2]) if found else ("P0", clip_id)
+    match = _NAME.fullmatch(clip_id)
+    return (match[1], match[2]) if match else ("P0", clip_id)
 
 
 def emdb_sequence(name: str, clip: Clip, body: BodyModel, parts: tuple[bool, bool]) -> EmdbSequence:

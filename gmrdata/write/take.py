@@ -83,10 +83,10 @@ def quaternions_xyzw(rotmats: np.ndarray) -> np.ndarray:
     next, so that players turn the short way."""
     from scipy.spatial.transform import Rotation
 
-    found = Rotation.from_matrix(rotmats.reshape(-1, 3, 3)).as_quat().reshape(*rotmats.shape[:2], 4)
-    jumps = (found[1:] * found[:-1]).sum(-1, keepdims=True) < 0
-    found[1:] *= np.cumprod(np.where(jumps, -1.0, 1.0), axis=0)
-    return np.asarray(found)
+    quats = Rotation.from_matrix(rotmats.reshape(-1, 3, 3)).as_quat().reshape(*rotmats.shape[:2], 4)
+    jumps = (quats[1:] * quats[:-1]).sum(-1, keepdims=True) < 0
+    quats[1:] *= np.cumprod(np.where(jumps, -1.0, 1.0), axis=0)
+    return np.asarray(quats)
 
 
 def finite_rows(motion: Motion) -> np.ndarray:
