@@ -236,8 +236,8 @@ def _file_problems(
         yield f"{field}: {name} is missing; {AGAIN}"
     elif (found_bytes := file.stat().st_size) != said.size_bytes:
         yield f"{field}: {name} has {found_bytes} bytes, not {said.size_bytes}; {AGAIN}"
-    elif work.hashes and (found := sha256_of_file(file)) != said.sha256:
-        yield f"{field}: {name} has sha256 {found}, not {said.sha256}; {AGAIN}"
+    elif work.hashes and (sha256 := sha256_of_file(file)) != said.sha256:
+        yield f"{field}: {name} has sha256 {sha256}, not {said.sha256}; {AGAIN}"
 
 
 def _listing(work: _Work, field: str, record: FolderRecord) -> tuple[list[ListedFile], list[str]]:

@@ -25,13 +25,13 @@ FILES = ("joints", "video", "character")
 
 def folders_of(clip: ClipEntry) -> dict[str, FolderRecord]:
     """A clip's folders by field."""
-    return {field: found for field in FOLDERS if (found := getattr(clip, field)) is not None}
+    return {field: folder for field in FOLDERS if (folder := getattr(clip, field)) is not None}
 
 
 def files_of(clip: ClipEntry) -> dict[str, FileRecord]:
     """A clip's files besides its arrays, by field."""
-    found = {field: found for field in FILES if (found := getattr(clip, field)) is not None}
-    return found | {f"extras[{n}].arrays": extra.arrays for n, extra in enumerate(clip.extras)}
+    files = {field: file for field in FILES if (file := getattr(clip, field)) is not None}
+    return files | {f"extras[{n}].arrays": extra.arrays for n, extra in enumerate(clip.extras)}
 
 
 @dataclass(frozen=True)

@@ -39,20 +39,20 @@ def read_manifest(path: str | Path) -> Manifest | ListManifest:
     """Read a manifest, not its files; a BadManifest names each wrong field with line and path."""
     path = Path(path)
     yaml_text.require_size(path, yaml_text.MAX_BYTES)
-    found = yaml_text.load_lines(path)
-    data, lines = yaml_text.load(path) if found is None else found[:2]
+    in_lines = yaml_text.load_lines(path)
+    data, lines = yaml_text.load(path) if in_lines is None else in_lines[:2]
     _refuse_others(path, data)
     text: str | bytes = _as_json(path, data)
-    if found is not None:
-        text = yaml_text.as_json(str(text), found[2])
+    if in_lines is not None:
+        text = yaml_text.as_json(str(text), in_lines[2])
     try:
         # Only from JSON does pydantic's strict mode take lists for tuples; "12" never passes as 12.
         return ADAPTER.validate_json(text, strict=True)
     except ValidationError as error:
-        if found is not None:
-            data["clips"] = found[2]
-            lines["clips",] = found[2].first_line - 1
-            lines |= {("clips", number): line for number, line in enumerate(found[2].lines)}
+        if in_lines is not None:
+            data["clips"] = in_lines[2]
+            lines["clips",] = in_lines[2].first_line - 1
+            lines |= {("clips", number): line for number, line in enumerate(in_lines[2].lines)}
         problems = [
             f"{path}:{_line(problem['loc'], lines)}: {_field(problem['loc'], data)}: "
             f"{problem['msg'].removeprefix('Value error, ')}"
@@ -109,9 +109,9 @@ def listed_path(path: Path, entry: ClipEntry, field: str, relative: str) -> Path
 def disagreements(entry: ClipEntry, clip: Clip) -> Iterator[str]:
     """What a manifest says of a motion and its file says otherwise, one line each, field first."""
     for field in ("id", "n_frames", "fps_hz", "body", "frame"):
-        said, found = getattr(entry, field), getattr(clip if field == "id" else clip.motion, field)
-        if said != found:
-            yield f"{field}: is {said}, but the file has {found}; write the manifest again"
+        said, held = getattr(entry, field), getattr(clip if field == "id" else clip.motion, field)
+        if said != held:
+            yield f"{field}: is {said}, but the file has {held}; write the manifest again"
 
 
 def rows_in(ranges: tuple[FrameRange, ...], n_frames: int) -> np.ndarray:

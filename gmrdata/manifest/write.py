@@ -157,9 +157,9 @@ def _records(root: Path, files: ClipFiles) -> dict[str, Any]:
     """The records of folders and files, by the manifest's fields."""
     folders = ((key, getattr(files, key), folder_record) for key in FOLDERS)
     single = ((key, getattr(files, key), file_record) for key in FILES)
-    found = {key: path and record(root, path) for key, path, record in (*folders, *single)}
+    records = {key: path and record(root, path) for key, path, record in (*folders, *single)}
     extras = enumerate((file_record(root, path) for path in files.extras), 2)
-    return found | {"extras": tuple(Extra(instance=i, arrays=file) for i, file in extras)}
+    return records | {"extras": tuple(Extra(instance=i, arrays=file) for i, file in extras)}
 
 
 def _reasons(clip_path: Path, reason: str | Sequence[str], valid: np.ndarray) -> list[str]:

@@ -72,7 +72,7 @@ def _line(clip: PlainData) -> str:
     text = json.dumps(clip, ensure_ascii=False, allow_nan=False)
     # A number like 1e-05 with a dot: YAML takes it for a text else.
     text = _TEXT_OR_DOTLESS.sub(lambda m: (m[1] or "") + (m[2] or "").replace("e", ".0e"), text)
-    return _NOT_IN_YAML.sub(lambda found: f"\\u{ord(found[0]):04x}", text)
+    return _NOT_IN_YAML.sub(lambda match: f"\\u{ord(match[0]):04x}", text)
 
 
 class ClipLines(Sequence[Any]):
@@ -134,12 +134,12 @@ def as_json(head_json: str, clips: ClipLines) -> bytes:
 
 
 def _once(pairs: list[tuple[str, Any]]) -> PlainData:
-    found = dict(pairs)
-    if len(found) < len(pairs):
+    mapping = dict(pairs)
+    if len(mapping) < len(pairs):
         keys = [key for key, _ in pairs]
         twice = next(key for key in keys if keys.count(key) > 1)
         raise ValueError(f"key {twice!r} stands twice; remove one")
-    return found
+    return mapping
 
 
 def _finite(text: str) -> float:
