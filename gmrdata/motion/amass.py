@@ -126,11 +126,11 @@ def read_amass(
     rotmats = rotmats_from_rotvecs(rotvecs)
     motion = motion_of(body, shape, rotmats, pelvis_m, rate_hz, source)
     up = config.up or ("z" if "frame" in arrays else None)  # a clip of gmrdata's is z-up
-    if found := turn_upright(body, motion, np.eye(3), up, str(path)):
+    if turning := turn_upright(body, motion, np.eye(3), up, str(path)):
         # AMASS is z-up: somebody turned this file, its roots and `trans`, not J0 between them.
         rest_m = scale * source_pelvis_m
-        motion = turned(motion, *found)
-        motion = replace(motion, pelvis_m=motion.pelvis_m + rest_m - found[0] @ rest_m)
+        motion = turned(motion, *turning)
+        motion = replace(motion, pelvis_m=motion.pelvis_m + rest_m - turning[0] @ rest_m)
     motion = levelled(body, motion, not is_own if ground is None else ground)
     return motion if known is None else _on_all_rows(motion, known)
 
@@ -170,8 +170,8 @@ def _pose_arrays(
         forms = "(T, 72) of SMPL, (T, 156) of SMPL+H and (T, 165) of SMPL-X"
         raise BadMotionFile(f"{path}: poses are {poses.shape}; known are {forms}")
     if trans.shape != (len(poses), 3):
-        found = f"trans is {trans.shape} for {len(poses)} frames"
-        raise BadMotionFile(f"{path}: {found}; fetch it again")
+        what = f"trans is {trans.shape} for {len(poses)} frames"
+        raise BadMotionFile(f"{path}: {what}; fetch it again")
     if known is not None:
         poses, trans = poses[known], trans[known]
     if len(poses) < 2:

@@ -312,9 +312,9 @@ def _planted_pitch_deg(
             still = (speeds_m_per_s(paths_m, fps_hz) < PLANTED_M_PER_S).all(axis=1)
             toes_up = (rotations[joint][still] @ flat[side][:, 2])[:, 1]
             pitches.append(np.rad2deg(np.arcsin(np.clip(toes_up, -1.0, 1.0))))
-    found = np.concatenate([[], *pitches])
-    if found.size < SHORTEST_STAND_S * fps_hz:
+    all_deg = np.concatenate([[], *pitches])
+    if all_deg.size < SHORTEST_STAND_S * fps_hz:
         return 0.0
-    lower, median, upper = np.percentile(found, [25, 50, 75])
+    lower, median, upper = np.percentile(all_deg, [25, 50, 75])
     flat_feet = upper - lower <= LARGEST_SPREAD_DEG and abs(median) <= LARGEST_PITCH_DEG
     return float(median) if flat_feet else 0.0

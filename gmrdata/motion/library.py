@@ -121,25 +121,25 @@ def library_files(sources: tuple[Path, ...]) -> list[LibraryFile]:
         raise MissingInput("nothing given. Name motion files or folders of them")
     if missing := [str(source) for source in sources if not source.exists()]:
         raise MissingInput(f"{', '.join(missing)}: no such file or folder")
-    found = []
+    motions = []
     for source in sources:
         folder = source if source.is_dir() else source.parent
         paths = find_motions(source) if source.is_dir() else [source]
         if not paths:
             raise MissingInput(f"{source}: holds no .bvh, .amc or .npz with a motion")
-        found += [(path, path.relative_to(folder)) for path in paths]
-    once = {path.resolve(): (path, inside) for path, inside in reversed(found)}
-    found = list(reversed(once.values()))
-    stems = Counter(path.stem for path, _ in found)
+        motions += [(path, path.relative_to(folder)) for path in paths]
+    once = {path.resolve(): (path, inside) for path, inside in reversed(motions)}
+    motions = list(reversed(once.values()))
+    stems = Counter(path.stem for path, _ in motions)
     names = [
         ".".join(inside.with_suffix("").parts)
         if path.suffix.lower() == ".npz" or stems[path.stem] > 1
         else path.stem
-        for path, inside in found
+        for path, inside in motions
     ]
     ids = Counter(map(clip_id, set(names)))
     files: dict[str, LibraryFile] = {}
-    for (path, inside), name in zip(found, names, strict=True):
+    for (path, inside), name in zip(motions, names, strict=True):
         id = clip_id(name)
         if ids[id] > 1:
             id += f"_{sha256(name.encode(errors='surrogateescape')).hexdigest()[:8]}"

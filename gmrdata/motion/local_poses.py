@@ -104,11 +104,11 @@ def _of_people(
     path: Path, fps_hz: float | None, body: BodyModel, bridge_frames: int
 ) -> tuple[Clip, ...]:
     """The runs of everybody whom a system saw."""
-    found = read_system(path)
-    rate_hz = _rate_hz(found, fps_hz, path)
+    estimate = read_system(path)
+    rate_hz = _rate_hz(estimate, fps_hz, path)
     runs = tuple(
         clip
-        for person in found.people
+        for person in estimate.people
         for clip in _runs_of(person, body, rate_hz, path, bridge_frames)
     )
     if all(clip.motion.n_frames < MIN_FRAMES for clip in runs):

@@ -39,11 +39,11 @@ class Between:
 
     def turned(self, rotmats: np.ndarray) -> np.ndarray:
         """Rotations (N, ..., 3, 3) at the wanted rows, by slerp; exact on the N."""
-        found, gaps = rotmats[self.before], self.past > 0.0
+        wanted, gaps = rotmats[self.before], self.past > 0.0
         if gaps.any():
             ends = rotmats[self.before[gaps]], rotmats[self.after[gaps]]
-            found[gaps] = slerp(*ends, self.share[gaps])
-        return found
+            wanted[gaps] = slerp(*ends, self.share[gaps])
+        return wanted
 
     def placed(self, values: np.ndarray) -> np.ndarray:
         """Values (N, ...) at the wanted rows, linearly; exact on the N."""

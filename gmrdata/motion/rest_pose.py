@@ -355,11 +355,11 @@ def _frame(joints_m: np.ndarray, up: np.ndarray | None) -> np.ndarray:
 
 def _below(joint: int, parents: Sequence[int]) -> list[int]:
     """A joint and all that hang on it."""
-    found = [joint]
+    branch = [joint]
     for child in range(joint + 1, len(parents)):
-        if parents[child] in found:
-            found.append(child)
-    return found
+        if parents[child] in branch:
+            branch.append(child)
+    return branch
 
 
 def _told_from(

@@ -127,9 +127,9 @@ def retarget(
     """
     motion, residual, axes, is_own = _put_on(source, joints, body, said, name)
     world_from_file = WORLD_FROM_REST @ axes.T
-    found = turn_upright(body, motion, world_from_file, said.up, name, refused=not said.any_up)
-    if found is not None:  # once more, as the feet are told from how they stand
-        turn, note = found
+    turning = turn_upright(body, motion, world_from_file, said.up, name, refused=not said.any_up)
+    if turning is not None:  # once more, as the feet are told from how they stand
+        turn, note = turning
         source = _turned(source, world_from_file.T @ turn @ world_from_file, note)
         motion, residual, _, is_own = _put_on(source, joints, body, replace(said, up=None), name)
     return levelled(body, motion, not is_own if said.ground is None else said.ground), residual

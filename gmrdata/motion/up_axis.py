@@ -279,12 +279,12 @@ def turn_upright(
     person = person_of(body, motion)
     if _holds_trunk_up(person):
         return None
-    found = [standing_along(person, axis) for axis in axes]
+    stands = [standing_along(person, axis) for axis in axes]
     names = [_name_of(axis @ world_from_file) for axis in axes]
-    best = max(range(6), key=lambda n: (found[n].is_evident, found[n].planted + found[n].steps))
-    if not found[best].is_evident:
-        best = max(range(6), key=lambda n: found[n].standing)
-    lying, along = found[2], found[best]
+    best = max(range(6), key=lambda n: (stands[n].is_evident, stands[n].planted + stands[n].steps))
+    if not stands[best].is_evident:
+        best = max(range(6), key=lambda n: stands[n].standing)
+    lying, along = stands[2], stands[best]
     on_floor = abs(lying.lowest_m) < FLOOR_M and lying.pelvis_m > 0.75 * FLOOR_M
     if best == 2 or (on_floor and abs(along.sole_m) > OFF_FLOOR_M):
         return None
