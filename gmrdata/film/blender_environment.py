@@ -163,9 +163,9 @@ def _find_base() -> str:
 
 def _version_of(python: str) -> str | None:
     """3.11 for a Python that can make environments; None where there is none."""
-    if (found := shutil.which(python)) is None:
+    if (program := shutil.which(python)) is None:
         return None
-    done = subprocess.run([found, "-c", CHECK], capture_output=True, text=True, check=False)
+    done = subprocess.run([program, "-c", CHECK], capture_output=True, text=True, check=False)
     return done.stdout.strip() if done.returncode == 0 else None
 
 

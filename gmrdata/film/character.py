@@ -225,16 +225,16 @@ def find_bones(
     must hang together as the joints do, and those of `REQUIRED` must be there.
     """
     if joint_map is None:
-        found = joints_by_name(names, parents)
+        bone_of = joints_by_name(names, parents)
     else:
-        found = mapped_joints(names, joint_map, path, BadCharacter)
-    if missing := [joint for joint in REQUIRED if joint not in found]:
+        bone_of = mapped_joints(names, joint_map, path, BadCharacter)
+    if missing := [joint for joint in REQUIRED if joint not in bone_of]:
         raise BadCharacter(
             f"{path}: no bone is known to be {', '.join(missing)}. Give a joint_map "
             f"{{bone: joint}} in the recipe, such as joint_map: {{{names[0] if names else 'Hips'}: "
             f"pelvis, ...}}. Its bones are {', '.join(names)}. The joints are {', '.join(JOINT)}"
         )
-    bones = {JOINT[joint]: bone for joint, bone in found.items()}
+    bones = {JOINT[joint]: bone for joint, bone in bone_of.items()}
     _check_tree(bones, names, parents, path)
     return dict(sorted(bones.items()))
 

@@ -117,8 +117,8 @@ def camera_programme(kind: str, **settings: object) -> Programme:
     try:
         return TypeAdapter[Programme](Programme).validate_python({"kind": kind, **settings})
     except ValidationError as error:
-        found = (f"{'.'.join(map(str, each['loc']))}: {each['msg']}" for each in error.errors())
-        problems = "; ".join(problem.removeprefix(": ") for problem in found)
+        texts = (f"{'.'.join(map(str, each['loc']))}: {each['msg']}" for each in error.errors())
+        problems = "; ".join(problem.removeprefix(": ") for problem in texts)
         raise BadRecipe(f"camera programme {kind}: {problems}") from None
 
 

@@ -71,9 +71,9 @@ def find_renderer(engine: str, device: str) -> str:
             f"engine: {engine}: {NAMES[engine]} had not drawn eight pixels after "
             f"{PROBE_S} s; take `engine: cycles`"
         ) from None
-    found = [line for line in answer.stdout.splitlines() if RENDERER_LINE in line]
-    if answer.returncode == 0 and found:
-        return f"{NAMES[engine]} on {found[-1].removeprefix(RENDERER_LINE).strip()}"
+    renderers = [line for line in answer.stdout.splitlines() if RENDERER_LINE in line]
+    if answer.returncode == 0 and renderers:
+        return f"{NAMES[engine]} on {renderers[-1].removeprefix(RENDERER_LINE).strip()}"
     lines = answer.stderr.splitlines()
     error, end = _error_and_end(lines, answer.returncode)
     last = lines[-1].strip() if lines else "it said nothing"
