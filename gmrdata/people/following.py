@@ -291,8 +291,8 @@ def follow_people(
                 return beside.submit(look_mirrored, other, image, crop)
 
             follower = _Follower(frames, partial, config, detect, look, mirrored)
-            found = follower.all_sightings()
-        known, facts, seldom = _known_people(found, frames.numbers, recipe)
+            sightings = follower.all_sightings()
+        known, facts, seldom = _known_people(sightings, frames.numbers, recipe)
         known.write(partial / SIGHTINGS_FILE)
         FollowedRecord(
             size_px=frames.size_px,
@@ -374,12 +374,12 @@ class _Follower:
                 # Without line breaks, which Python's own slow encoder writes.
                 write_text(path, json.dumps(self._turn(before, picture, row), allow_nan=False))
             # Read back, so that a resumed run works on the very same numbers.
-            found: list[Seen] = read_json(path)
-            for one in found:
+            seen: list[Seen] = read_json(path)
+            for one in seen:
                 self.met_px[row_of[one["image_numbers"]]][one["pieces"]] = one["boxes_px"]
-            self.n_pieces = max([self.n_pieces, *(one["pieces"] + 1 for one in found)])
-            before = [one for one in found if row_of[one["image_numbers"]] == row]
-            everybody.append(Sightings.of(found))
+            self.n_pieces = max([self.n_pieces, *(one["pieces"] + 1 for one in seen)])
+            before = [one for one in seen if row_of[one["image_numbers"]] == row]
+            everybody.append(Sightings.of(seen))
         whole = Sightings.joined(everybody)
         return whole.take(np.lexsort((whole.pieces, whole.image_numbers)))
 
@@ -412,11 +412,11 @@ class _Follower:
         width_px, height_px = box_px[2:] - box_px[:2]
         if width_px < WIDE * height_px:
             return self._grown(image, *self._head_up_or_down(image, upright))
-        found = [
+        looks = [
             self._settled(image, replace(upright, turn_rad=turn_rad), 2)
             for turn_rad in np.deg2rad(TURNS_DEG)
         ]
-        return self._grown(image, *max(found, key=lambda one: self._reach(one[0])))
+        return self._grown(image, *max(looks, key=lambda one: self._reach(one[0])))
 
     def _head_up_or_down(
         self, image: np.ndarray, upright: LandmarkCrop

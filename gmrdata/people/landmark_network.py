@@ -162,7 +162,7 @@ def open_landmark_features(model_path: Path) -> LandmarkFeatures:
     net = _open(model_path, all_layers=True)
     fitting = [one for one in net.get_tensor_details() if tuple(one["shape"]) in FEATURE_SHAPES]
     named = [(FEATURE_LAYER.search(one["name"]), one["index"]) for one in fitting]
-    numbered = [(int(found[1]), index) for found, index in named if found]
+    numbered = [(int(match[1]), index) for match, index in named if match]
     if not numbered:
         raise BadDetector(f"{model_path}: not BlazePose GHUM: no such layer; {REMEDY}")
     _, index = max(numbered)

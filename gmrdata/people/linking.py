@@ -150,15 +150,15 @@ def link(frames: list[Detections], config: TrackConfig) -> list[list[tuple[int, 
     """
     tracks: list[list[tuple[int, int]]] = []
     open_tracks: list[list[tuple[int, int]]] = []
-    for at, found in enumerate(frames):
+    for at, detections in enumerate(frames):
         open_tracks = [t for t in open_tracks if at - t[-1][0] <= config.max_gap_frames + 1]
         last_px = [frames[t[-1][0]].boxes_px[t[-1][1]] for t in open_tracks]
-        overlap = box_iou(np.array(last_px).reshape(-1, 4), found.boxes_px)
+        overlap = box_iou(np.array(last_px).reshape(-1, 4), detections.boxes_px)
         taken = best_pairs(overlap, config.link_iou)
         for track_row, row in taken:
             open_tracks[track_row].append((at, row))
         matched = {row for _, row in taken}
-        begun = [[(at, row)] for row in range(len(found)) if row not in matched]
+        begun = [[(at, row)] for row in range(len(detections)) if row not in matched]
         tracks += begun
         open_tracks += begun
     return tracks

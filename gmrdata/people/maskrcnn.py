@@ -86,10 +86,10 @@ def instances_of(output: Mapping[str, np.ndarray], config: MaskRcnnConfig) -> In
     is_wanted = np.isin(output["labels"], list(index_of_number)) & (scores >= config.weak_score)
     rows = np.flatnonzero(is_wanted)
     classes = [index_of_number[number] for number in output["labels"][rows].tolist()]
-    found = Detections(
+    detections = Detections(
         output["boxes"][rows].astype(np.float64), scores[rows], np.array(classes, dtype=np.int64)
     )
-    return Instances(found, output["masks"][rows, 0] >= config.mask_threshold)
+    return Instances(detections, output["masks"][rows, 0] >= config.mask_threshold)
 
 
 def united_mask(
@@ -196,5 +196,5 @@ def _save(path: Path, instances: Instances) -> None:
 def _load(path: Path) -> Instances:
     arrays = read_npz(path, Budget.ceiling())
     masks = np.unpackbits(arrays["masks"], axis=-1, count=int(arrays["width_px"]))
-    found = Detections(arrays["boxes_px"], arrays["scores"], arrays["classes"])
-    return Instances(found, masks.astype(bool))
+    detections = Detections(arrays["boxes_px"], arrays["scores"], arrays["classes"])
+    return Instances(detections, masks.astype(bool))

@@ -83,10 +83,10 @@ def onnx_masks(
     """
 
     def work(partial: Path) -> None:
-        found = detect_all(model_path, frames.paths, partial, config)
-        chosen = linking.track(found, config.min_score, config.tracks)
+        detections = detect_all(model_path, frames.paths, partial, config)
+        chosen = linking.track(detections, config.min_score, config.tracks)
         records = {}
-        for image, frame, choice in zip(frames.paths, found, chosen, strict=True):
+        for image, frame, choice in zip(frames.paths, detections, chosen, strict=True):
             boxes_px = np.concatenate([frame.boxes_px[choice.rows], choice.filled_px])
             boxes_px = linking.grow(boxes_px, config.grow_share, config.dilate_px)
             write_gray(partial / f"{image.stem}.png", linking.fill_boxes(boxes_px, frames.size_px))
@@ -111,15 +111,15 @@ def open_detector(model_path: Path, config: OnnxConfig) -> Detector:
     indices = yolox.class_indices(config.classes)
 
     def detect(image: np.ndarray) -> Detections:
-        found = []
+        by_size = []
         for size_px in sizes_px:
             blob, input_from_frame = yolox.letterbox(image, size_px)
             output = _forward(net, blob, model_path)
             if problem := yolox.problem_with(output, size_px):
                 raise BadDetector(f"{model_path}: {problem}")
             least = config.weak_score
-            found.append(yolox.decode(output, size_px, input_from_frame, indices, least))
-        parts = zip(*((f.boxes_px, f.scores, f.classes) for f in found), strict=True)
+            by_size.append(yolox.decode(output, size_px, input_from_frame, indices, least))
+        parts = zip(*((f.boxes_px, f.scores, f.classes) for f in by_size), strict=True)
         return linking.keep_best(Detections(*map(np.concatenate, parts)), config.nms_iou)
 
     return detect

@@ -226,7 +226,7 @@ def masks_named(
                 known = "silhouette, onnx, person, maskrcnn, a folder of masks or a recipe (.yaml)"
                 raise MissingInput(f"{name}: no such folder of masks; name {known}")
     except ValidationError as error:
-        raise BadRecipe("; ".join(found["msg"] for found in error.errors())) from None
+        raise BadRecipe("; ".join(problem["msg"] for problem in error.errors())) from None
     given = (detector, landmark_network, maskrcnn, classes)
     _require_used(names, dict(zip(USED_BY, given, strict=True)))
     return MasksConfig.model_validate({"sources": tuple(sources)} | settings)
@@ -242,16 +242,16 @@ def _require_used(names: Sequence[str], options: dict[str, object]) -> None:
 def network_files(config: MasksConfig) -> dict[str, Path]:
     """The networks' files that `make_masks` would read, by role; what it would raise for files that
     are not there, this raises before any work."""
-    found = {}
+    files = {}
     for name, source in config.named:
         if isinstance(source, OnnxSource):
-            found[f"{name} detector"] = find_model(YOLOX_NANO, source.model)
+            files[f"{name} detector"] = find_model(YOLOX_NANO, source.model)
         if isinstance(source, PersonSource):
             networks = source.networks
-            found |= {f"{name} {role}": path for role, path in networks._asdict().items()}
+            files |= {f"{name} {role}": path for role, path in networks._asdict().items()}
         if isinstance(source, MaskRcnnSource) and source.weights is not None:
-            found[f"{name} weights"] = source.weights
-    return found
+            files[f"{name} weights"] = source.weights
+    return files
 
 
 def mask_folders(config: MasksConfig) -> dict[str, Path]:
