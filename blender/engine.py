@@ -138,9 +138,9 @@ def use_gpus() -> str:
             for device in preferences.devices:
                 device.use = device.type == kind
             return f"{kind}: {', '.join(sorted(device.name for device in gpus))}"
-    found = ", ".join(f"{device.name} ({device.type})" for device in preferences.devices)
+    devices = ", ".join(f"{device.name} ({device.type})" for device in preferences.devices)
     raise EngineMissing(
-        f"device: gpu: Cycles finds no GPU here, only {found or 'no device at all'}. Take "
+        f"device: gpu: Cycles finds no GPU here, only {devices or 'no device at all'}. Take "
         "`device: cpu`, or install the GPU's driver (CUDA, OptiX, HIP, Metal or oneAPI)"
     )
 

@@ -150,11 +150,11 @@ def render_surface(scene: Any, tree: Any, work_dir: Path, config: RenderConfig) 
         scene.compositing_node_group = tree
         bpy.ops.render.render(write_still=False)
     size_px = scene.render.resolution_x, scene.render.resolution_y
-    found = {name: _take(work_dir, name, size_px) for name in _wanted(config)}
-    depth_m = found["depth"][..., 0].astype(np.float64)
+    passes = {name: _take(work_dir, name, size_px) for name in _wanted(config)}
+    depth_m = passes["depth"][..., 0].astype(np.float64)
     depth_m[depth_m > scene.camera.data.clip_end * 1.01] = np.inf
     nothing = np.zeros((*depth_m.shape, 3))
-    normals, step_m, instances = (found.get(name, nothing) for name in ("normals", STEP, INSTANCE))
+    normals, step_m, instances = (passes.get(name, nothing) for name in ("normals", STEP, INSTANCE))
     return Surface(depth_m, normals, step_m, np.rint(instances[..., 0]))
 
 

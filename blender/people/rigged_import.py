@@ -111,9 +111,9 @@ def _skeleton_and_meshes(new: list[Any], path: Path) -> tuple[Any, tuple[Any, ..
     meshes = sorted((thing for thing in new if thing.type == "MESH"), key=lambda mesh: mesh.name)
     armatures = sorted({skin.name for mesh in meshes if (skin := _skin(mesh)) is not None})
     if not armatures:
-        found = ", ".join(sorted(thing.type.lower() for thing in new)) or "nothing"
+        kinds = ", ".join(sorted(thing.type.lower() for thing in new)) or "nothing"
         raise BadCharacter(
-            f"{path}: no skeleton moves a mesh of it (it has {found}); "
+            f"{path}: no skeleton moves a mesh of it (it has {kinds}); "
             "export the character with its armature and skin"
         )
     if len(armatures) > 1:
@@ -368,10 +368,10 @@ def _alpha_socket(tree: Any) -> Any:
 
 def _upstream(node: Any) -> list[Any]:
     """A node and all that it depends on."""
-    found, todo = [], [node]
+    nodes, todo = [], [node]
     while todo:
         now = todo.pop()
-        if now not in found:
-            found.append(now)
+        if now not in nodes:
+            nodes.append(now)
             todo += [link.from_node for socket in now.inputs for link in socket.links]
-    return found
+    return nodes
