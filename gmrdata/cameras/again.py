@@ -123,8 +123,8 @@ def _solved(
         solved = reconstruct(again, masks, lens, folder / "sfm", seeded)
     except NoReconstruction as error:
         return SolvedAgain(way.name, None, None, error.why)
-    found, other = load_cameras(solved), np.full_like(first.world_from_cam, np.nan)
-    other[rows] = found.path.world_from_cam
+    cameras, other = load_cameras(solved), np.full_like(first.world_from_cam, np.nan)
+    other[rows] = cameras.path.world_from_cam
     share = config.small_travel_share
     # Of a camera that is said to stay in its place, the other path says how far it goes.
     if len(points) or not len(load_points(solved)):
@@ -133,4 +133,4 @@ def _solved(
     else:
         least = least_extent(other, load_points(solved), share)
         agree = agreement(other, first.world_from_cam, least)
-    return SolvedAgain(way.name, found.geometry, agree, "")
+    return SolvedAgain(way.name, cameras.geometry, agree, "")

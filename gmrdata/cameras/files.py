@@ -218,8 +218,8 @@ class CamerasQuality(records.Record):
         """The lens with the distortion that was taken out of the image points."""
         if self.lens is None or not self.lens.explains:  # nothing was found beside what is known
             return lens
-        found = Origin("self_calibrated", self.radial_k1_sigma)
-        return replace(lens, radial=(self.lens.k1, self.lens.k2), radial_from=found)
+        origin = Origin("self_calibrated", self.radial_k1_sigma)
+        return replace(lens, radial=(self.lens.k1, self.lens.k2), radial_from=origin)
 
     @property
     def lens_in_words(self) -> list[tuple[str, str]]:
@@ -296,9 +296,9 @@ def load_cameras(sfm_dir: Path) -> SfmCameras:
         raise BadRecord(f"{path}: unknown geometry {geometry!r}; {records.MAKE_AGAIN}")
     width_px, height_px = map(int, arrays["camera_size_px"])
     intrinsics_px, poses = arrays["camera_intrinsics_px"], arrays["world_from_cam"]
-    found = CameraPath(intrinsics_px, width_px, height_px, poses, arrays["has_camera"])
+    camera_path = CameraPath(intrinsics_px, width_px, height_px, poses, arrays["has_camera"])
     numbers, interpolated = arrays["image_numbers"], arrays["interpolated"]
-    return SfmCameras(found, cast("Geometry", geometry), numbers, interpolated)
+    return SfmCameras(camera_path, cast("Geometry", geometry), numbers, interpolated)
 
 
 def load_quality(sfm_dir: Path) -> CamerasQuality:

@@ -131,8 +131,8 @@ def _leave_cameras(
     cameras = solution.world_from_cam
     path = CameraPath(lens.matrix_px, *lens.size_px, cameras, solution.has_camera)
     filled = np.isin(np.arange(len(cameras)), quality.interpolated)
-    found = files.SfmCameras(path, solution.geometry, given.numbers, filled)
-    files.save_cameras(folder / files.CAMERAS_FILE, found)
+    sfm_cameras = files.SfmCameras(path, solution.geometry, given.numbers, filled)
+    files.save_cameras(folder / files.CAMERAS_FILE, sfm_cameras)
     files.save_points(folder / files.POINTS_FILE, solution.points, solution.track_lengths)
     tracks = _tracks_in(solution.tracks, given, frames)
     if not lens.is_pinhole:

@@ -70,10 +70,10 @@ def compare_again(
             continue
         tried = len(rows)
         second, _ = map_again(mapped, rows, keys, matches, work_dir, config.reseeded(1))
-        found = _compared(mapped, second, rows, config)
+        latest = _compared(mapped, second, rows, config)
         # With too few of its keyframes a second solution says nothing.
-        if not compared.is_confirmed_by(of.enough_share) or found.is_confirmed_by(of.enough_share):
-            compared = found
+        if not compared.is_confirmed_by(of.enough_share) or latest.is_confirmed_by(of.enough_share):
+            compared = latest
         again = compared.agreement
         same = again is None or (
             again.turn_deg <= of.same_deg and again.place_share <= of.same_share
@@ -101,10 +101,10 @@ def _started_again(
             again = config.reseeded(2 * start)
             mapped = map_otherwise(mapped, keys, matches, work_dir, again)
         again = config.reseeded(2 * start + 1)
-        found, found_px = map_again(mapped, rows, keys, matches, work_dir, again)
-        found_held = int(np.isfinite(found[:, 0, 0]).sum()), -found_px
-        if not start or found_held > held:
-            second, held = found, found_held
+        poses, error_px = map_again(mapped, rows, keys, matches, work_dir, again)
+        poses_held = int(np.isfinite(poses[:, 0, 0]).sum()), -error_px
+        if not start or poses_held > held:
+            second, held = poses, poses_held
         compared = _compared(mapped, second, rows, config)
         agrees = disagreement(compared, config) <= of.agreeing_share
         if agrees and compared.is_confirmed_by(of.most_of_them):
@@ -151,8 +151,8 @@ def compare_turned_again(
     rng = np.random.default_rng(config.reseeded(1).seed)
     some = replace(matches, pairs=among)
     second = solve_rotation_only(some, intrinsics_px, config.rotation_only_inlier_px, rng)
-    found = agreement(turning.world_from_cam, second.world_from_cam, 0.0)
-    return _with_second(solution, found, solution.has_camera[key_rows[rows]])
+    agree = agreement(turning.world_from_cam, second.world_from_cam, 0.0)
+    return _with_second(solution, agree, solution.has_camera[key_rows[rows]])
 
 
 def _with_second(solution: Solution, found: Agreement | None, asked: np.ndarray) -> Solution:

@@ -219,7 +219,7 @@ def find_intrinsics(
 
     def work(partial: Path) -> None:
         known = _known(given, frames)
-        found, lines = None, None
+        motion, lines = None, None
         if config.look_in_frames:
             work_dir = partial / "colmap"
             work_dir.mkdir()
@@ -228,12 +228,12 @@ def find_intrinsics(
             guess_px = Lens.centred(start_px, frames.size_px).matrix_px
             sought = Frames(list(frames.paths), masks_dir, guess_px, frames.size_px)
             of_number = READOUT_S * frames.known_or_usual_hz * np.median(np.diff(frames.numbers))
-            found = self_calibrate(sought, work_dir, config.self_calibration, float(of_number))
+            motion = self_calibrate(sought, work_dir, config.self_calibration, float(of_number))
             shutil.rmtree(work_dir)
             own = None if known is None else known[0]
-            if not found.observable and (asked := focal_of_lines(sought, own, config.lines)):
+            if not motion.observable and (asked := focal_of_lines(sought, own, config.lines)):
                 lines = AskedByLines(asked.focal * max(frames.size_px), asked.focal_sigma)
-        shown = _Shown(found, lines)
+        shown = _Shown(motion, lines)
         _decided(known, shown, frames.size_px, config).write(partial / INTRINSICS_FILE)
 
     free_rate = config.look_in_frames and frames.video is None and np.isfinite(frames.rate_hz)
@@ -273,13 +273,13 @@ def _noted(frames: FrameSet) -> Lens | None:
     """The lens that a video's file notes; else the pictures, whose notes differ where it zooms."""
     if frames.video_path is not None:
         return video_lens(frames.video_path, frames.size_px)
-    found = [one for path in frames.paths if (one := exif_lens(path, frames.size_px)) is not None]
-    if not found:
+    lenses = [one for path in frames.paths if (one := exif_lens(path, frames.size_px)) is not None]
+    if not lenses:
         return None
-    each_px = np.array([one.focal_px[0] for one in found])
+    each_px = np.array([one.focal_px[0] for one in lenses])
     focal_px = float(np.median(each_px))
     apart = float(np.sqrt((np.log(each_px / focal_px) ** 2).mean()))
-    sigma = float(np.hypot(found[0].focal_from.sigma or 0.0, apart))
+    sigma = float(np.hypot(lenses[0].focal_from.sigma or 0.0, apart))
     return Lens.centred(focal_px, frames.size_px, Origin("metadata", sigma))
 
 
@@ -340,12 +340,12 @@ def _decided(
     config: IntrinsicsConfig,
 ) -> Intrinsics:
     """The record of the lens that is taken."""
-    found, lines = shown
-    asked = None if found is None else _asked(found, size_px)
+    motion, lines = shown
+    asked = None if motion is None else _asked(motion, size_px)
     taken, words = _taken(known, asked, shown, size_px)
     notes, objections = [words], [FOLDED] if taken.folds else []
     sigma = taken.focal_from.sigma or 0.0
-    other_bend = "" if known is None or found is None else _other_bend(known[0], found, config)
+    other_bend = "" if known is None or motion is None else _other_bend(known[0], motion, config)
     if other_bend:
         objections.append(other_bend)
     if known is not None and (says := asked or lines) is not None:
@@ -366,8 +366,8 @@ def _decided(
         else:
             notes.append(f"{words}: the two disagree.")
             sigma = float(np.hypot(sigma, apart))
-    if found is not None and asked is None:
-        notes.append(f"The camera's motion does not show the focal length: {found.reason}.")
+    if motion is not None and asked is None:
+        notes.append(f"The camera's motion does not show the focal length: {motion.reason}.")
     return Intrinsics(
         source=taken.focal_from.source,
         width_px=size_px[0],
@@ -379,10 +379,10 @@ def _decided(
         radial_k1=taken.radial[0],
         radial_k1_sigma=taken.radial_from.sigma,
         radial_k2=taken.radial[1],
-        focal_observable=None if found is None else asked is not None,
+        focal_observable=None if motion is None else asked is not None,
         asked=asked,
         asked_by_lines=lines,
-        starts=() if found is None else found.starts,
+        starts=() if motion is None else motion.starts,
         objections=tuple(objections),
         notes=tuple(notes),
     )
@@ -443,13 +443,13 @@ def _taken(
 def _guess(shown: _Shown, size_px: tuple[int, int]) -> tuple[Lens, str]:
     """A usual lens, drawn to what lines ask for, or to the little that the camera's motion
     shows."""
-    found, lines = shown
+    motion, lines = shown
     focal, sigma, why = USUAL_FOCAL, USUAL_SIGMA, NOTHING_SHOWS
     if lines is not None:
         # They know already what is usual.
         focal, sigma, why = lines.focal_px / max(size_px), lines.focal_sigma, LINES_SHOW
-    elif found is not None and found.focal is not None and found.focal_sigma < USUAL_SIGMA:
-        focal, sigma = _averaged((focal, found.focal), (sigma, found.focal_sigma))
+    elif motion is not None and motion.focal is not None and motion.focal_sigma < USUAL_SIGMA:
+        focal, sigma = _averaged((focal, motion.focal), (sigma, motion.focal_sigma))
         why = LITTLE_SHOWS
     focal_px = focal * max(size_px)
     words = f"{why} {GUESSED.format(focal_px=focal_px, sigma=100 * sigma)}"

@@ -410,17 +410,17 @@ def _mapped(
             camera.params = [start_px, *camera.params[1:3], 0.0]
             camera.has_prior_focal_length = True
             database.update_camera(camera)
-    found: list[Any] = []
+    models: list[Any] = []
     for run in (_global, _incremental):  # the second takes longer, and hardly finds more
         out_dir = work_dir / "start"
         shutil.rmtree(out_dir, ignore_errors=True)
         out_dir.mkdir()
-        found += run(database_path, keys.images[0].parent, out_dir, config)
-        if any(model.num_reg_images() >= ENOUGH_SHARE * len(keys.images) for model in found):
+        models += run(database_path, keys.images[0].parent, out_dir, config)
+        if any(model.num_reg_images() >= ENOUGH_SHARE * len(keys.images) for model in models):
             break
-    if not found:
+    if not models:
         return None
-    model = max(found, key=lambda each: (each.num_reg_images(), each.num_points3D()))
+    model = max(models, key=lambda each: (each.num_reg_images(), each.num_points3D()))
     for _ in range(2):
         bundle_adjuster(model, free="both", max_iterations=100, tolerance=1e-7).solve()
         model.update_point_3d_errors()

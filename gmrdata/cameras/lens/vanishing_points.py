@@ -82,16 +82,16 @@ def straight_lines(frames: Frames, config: LinesConfig) -> tuple[list[np.ndarray
     """Ends (N, 2, 2) of each picture's lines that are not masked, and their standard error across
     the lines [px]."""
     shrink = min(1.0, config.longest_px / max(frames.size_px))
-    found = in_threads(lambda image: _ends(*frames.read(image, shrink), config), frames.images)
-    return [ends / shrink for ends in found], config.end_px / shrink
+    lines = in_threads(lambda image: _ends(*frames.read(image, shrink), config), frames.images)
+    return [ends / shrink for ends in lines], config.end_px / shrink
 
 
 def _ends(gray: np.ndarray, background: np.ndarray, config: LinesConfig) -> np.ndarray:
     import cv2
 
-    found = cv2.createLineSegmentDetector().detect(gray)[0]
+    lines = cv2.createLineSegmentDetector().detect(gray)[0]
     # It counts from the middle of the first pixel.
-    ends = np.zeros((0, 2, 2)) if found is None else found.reshape(-1, 2, 2).astype(float) + 0.5
+    ends = np.zeros((0, 2, 2)) if lines is None else lines.reshape(-1, 2, 2).astype(float) + 0.5
     lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
     ends = ends[lengths > config.shortest_share * np.hypot(*gray.shape)]
     ends = ends[~_on_border(ends, gray)]
@@ -119,13 +119,13 @@ def focal_of_lines(frames: Frames, lens: Lens | None, config: LinesConfig) -> Fo
     longest_px = max(frames.size_px)
     lens = lens or Lens.centred(longest_px, frames.size_px)
     rows = np.unique(np.linspace(0, len(frames.images) - 1, config.frames).round().astype(int))
-    found, end_px = straight_lines(frames.some(rows), config)
+    lines, end_px = straight_lines(frames.some(rows), config)
 
     def evidence(ends_px: np.ndarray) -> np.ndarray:
         return log_evidence(lens.rays(ends_px) * lens.focal_px[0] / longest_px, end_px / longest_px)
 
     # Pictures of a video show the same place, so their evidence is not added up.
-    return focal_by(np.mean(in_threads(evidence, found), axis=0))
+    return focal_by(np.mean(in_threads(evidence, lines), axis=0))
 
 
 def focal_by(logs: np.ndarray) -> FocalOfLines | None:
@@ -167,8 +167,8 @@ def _planes(ends: np.ndarray, focal: float) -> tuple[np.ndarray, np.ndarray]:
     """Unit normals (N, 3) of the planes through the camera and each line, and unit rays (N, 3) to
     the lines' middles."""
     rays = np.concatenate([ends / focal, np.ones((*ends.shape[:2], 1))], axis=-1)
-    found = np.cross(rays[:, 0], rays[:, 1]), rays.mean(axis=1)
-    normals, middles = (row / np.linalg.norm(row, axis=1, keepdims=True) for row in found)
+    both = np.cross(rays[:, 0], rays[:, 1]), rays.mean(axis=1)
+    normals, middles = (row / np.linalg.norm(row, axis=1, keepdims=True) for row in both)
     return normals, middles
 
 

@@ -50,7 +50,7 @@ def map_frames(
     hardly leaves its place by it, the incremental one is run with lower thresholds for parallax.  A
     pan has no model even then.
     """
-    found: list[Solution] = []
+    solutions: list[Solution] = []
     mappers: tuple[Mapper, ...] = ("global", "incremental", "small_parallax")
     n_matched = matched_points(matches)
     parts = parts_among(np.arange(len(frames.images)), matches, config.mapping)
@@ -61,17 +61,17 @@ def map_frames(
         )
 
     for mapper in mappers:
-        if mapper == "small_parallax" and any(good(one) for one in found):
+        if mapper == "small_parallax" and any(good(one) for one in solutions):
             break
-        has_camera = found[-1].has_camera if found and good(found[-1]) else None
+        has_camera = solutions[-1].has_camera if solutions and good(solutions[-1]) else None
         if models := _run(mapper, frames, parts, work_dir, config, has_camera):
             by: Mapper = "global" if has_camera is not None and len(parts) > 1 else mapper
-            found.append(_finish(models, by, frames, matches, work_dir, config))
-            if found[-1].has_camera.all() and good(found[-1]):
+            solutions.append(_finish(models, by, frames, matches, work_dir, config))
+            if solutions[-1].has_camera.all() and good(solutions[-1]):
                 break
-    if found and all(hardly_travels(one, config.small_travel_share) for one in found):
-        return max(found, key=_well_held)
-    return max(found, key=lambda m: (m.has_camera.sum(), m.inliers.sum()), default=None)
+    if solutions and all(hardly_travels(one, config.small_travel_share) for one in solutions):
+        return max(solutions, key=_well_held)
+    return max(solutions, key=lambda m: (m.has_camera.sum(), m.inliers.sum()), default=None)
 
 
 def hardly_travels(mapped: Solution, share: float) -> bool:

@@ -80,13 +80,13 @@ def _points_of(
             if mine in rows and other in point_of:
                 through[mine].append((other, pair.features[:, [column, 1 - column]]))
     for row, tables in through.items():
-        found: dict[int, int] = {}
+        behind: dict[int, int] = {}
         for other, table in tables:
             of = point_of[other][table[:, 1]]
-            found.update(zip(table[of >= 0, 0].tolist(), of[of >= 0].tolist(), strict=True))
+            behind.update(zip(table[of >= 0, 0].tolist(), of[of >= 0].tolist(), strict=True))
         if row in known:
-            found.update(known[row].tolist())
-        yield row, np.array(list(found), np.int32), np.array(list(found.values()), np.int32)
+            behind.update(known[row].tolist())
+        yield row, np.array(list(behind), np.int32), np.array(list(behind.values()), np.int32)
 
 
 def parts_of(n_frames: int, config: MappingConfig) -> list[tuple[int, int]]:
@@ -110,13 +110,13 @@ class Part:
 
 def parts_among(rows: np.ndarray, matches: Matches, config: MappingConfig) -> list[Part]:
     """The parts in which some rows (N,) of keyframes are mapped."""
-    parts, count = parts_of(len(rows), config), matches.n_of_pair
-    found = []
-    for start, stop in parts:
+    bounds, count = parts_of(len(rows), config), matches.n_of_pair
+    parts = []
+    for start, stop in bounds:
         own = rows[start:stop]
-        linked = with_anchors(own, count, config) if len(parts) > 1 else own
-        found.append(Part(f"of_{len(rows)}_from_{start}", own, linked))
-    return found
+        linked = with_anchors(own, count, config) if len(bounds) > 1 else own
+        parts.append(Part(f"of_{len(rows)}_from_{start}", own, linked))
+    return parts
 
 
 def with_anchors(

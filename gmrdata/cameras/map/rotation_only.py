@@ -354,14 +354,14 @@ def _zoomed(
 ) -> _Zoomed:
     """The zoom beside a turn between matched points (N, 2), by their homography, from the focal
     length of the first frame that explains most: it may be zoomed already."""
-    found, _ = cv2.findHomography(first_px, second_px, cv2.RANSAC, inlier_px)
-    if found is None or not np.linalg.det(found) > 0:
+    homography, _ = cv2.findHomography(first_px, second_px, cv2.RANSAC, inlier_px)
+    if homography is None or not np.linalg.det(homography) > 0:
         return _Zoomed(0.0, np.inf, 0.0)
 
     def turned(log_before: float) -> tuple[float, np.ndarray]:
         """The logarithm of the zoom, and the distances (N,) that it leaves [px]."""
         before = np.diag([np.exp(log_before)] * 2 + [1.0])
-        bent = np.linalg.inv(intrinsics_px) @ found @ intrinsics_px @ before
+        bent = np.linalg.inv(intrinsics_px) @ homography @ intrinsics_px @ before
         sizes = np.linalg.norm(bent, axis=1)
         then = np.diag([sizes[:2].mean() / sizes[2]] * 2 + [1.0])
         turn, _ = transforms.nearest_rotations(np.linalg.inv(then) @ bent)

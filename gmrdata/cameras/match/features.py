@@ -166,9 +166,9 @@ def _find(frames: Frames, work_dir: Path, config: SfmConfig, image: Path) -> int
         np.savez(_kept(work_dir, image, weak=True), **weak._asdict())
     else:
         firm = _of_colmap(image, frames.size_px, work_dir, config)
-    found = _unmasked_first(firm, mask)
-    np.savez(_kept(work_dir, image, weak=False), **found._asdict())
-    return found.n_free
+    features = _unmasked_first(firm, mask)
+    np.savez(_kept(work_dir, image, weak=False), **features._asdict())
+    return features.n_free
 
 
 def _is_large(frames: Frames, config: SfmConfig) -> bool:
@@ -237,18 +237,18 @@ def _of_opencv(frames: Frames, image: Path, config: SfmConfig) -> tuple[_Table, 
         enable_precise_upscale=True,
     )
     everywhere = np.full(small.shape, 255, np.uint8)
-    found, floats = sift.detectAndCompute(small, everywhere)
-    if not found:
+    keypoints, floats = sift.detectAndCompute(small, everywhere)
+    if not keypoints:
         return NO_FEATURES, NO_FEATURES
     larger = np.divide(size_px, small.shape[::-1])
 
     def table(rows: Iterable[int]) -> _Table:
-        kept = _chosen(found, rows, config)
-        return _as_colmap_has_them([found[i] for i in kept], floats[kept], larger, size_px)
+        kept = _chosen(keypoints, rows, config)
+        return _as_colmap_has_them([keypoints[i] for i in kept], floats[kept], larger, size_px)
 
     # OpenCV compares the contrast so.
-    firm = np.flatnonzero([LAYERS * one.response >= config.features.contrast for one in found])
-    return table(firm.tolist()), table(range(len(found)))
+    firm = np.flatnonzero([LAYERS * one.response >= config.features.contrast for one in keypoints])
+    return table(firm.tolist()), table(range(len(keypoints)))
 
 
 def _as_colmap_has_them(

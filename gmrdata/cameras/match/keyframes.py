@@ -79,10 +79,10 @@ def choose_keyframes(
     rows, survived, corners = [0], [], []
     tell(images[0])
     for row, (image, free) in enumerate(small, 1):
-        next_px, found = follow(before, image, now_px, free=free)
-        survived.append(found.mean() if len(found) else 0.0)
-        corners.append(len(found))
-        start_px, now_px = start_px[found], next_px[found]
+        next_px, followed = follow(before, image, now_px, free=free)
+        survived.append(followed.mean() if len(followed) else 0.0)
+        corners.append(len(followed))
+        start_px, now_px = start_px[followed], next_px[followed]
         before = image
         late, last = row - rows[-1] >= config.keyframe_gap, row == len(images) - 1
         lost = not len(now_px) or len(now_px) < n_start / 2
@@ -144,10 +144,10 @@ def parallax_px(start_px: np.ndarray, now_px: np.ndarray, intrinsics_px: np.ndar
 
 def _corners(image: np.ndarray, free: np.ndarray) -> np.ndarray:
     """(N, 2) corners of the background (Shi and Tomasi 1994) [px]."""
-    found = cv2.goodFeaturesToTrack(
+    corners = cv2.goodFeaturesToTrack(
         image, CORNERS, CORNER_QUALITY, CORNER_SPACING_PX, mask=free.astype(np.uint8)
     )
-    return np.zeros((0, 2)) if found is None else found[:, 0].astype(np.float64) + CENTRE_PX
+    return np.zeros((0, 2)) if corners is None else corners[:, 0].astype(np.float64) + CENTRE_PX
 
 
 def with_frames_between(
@@ -203,17 +203,17 @@ def _follow_into(
 ) -> list[tuple[np.ndarray, np.ndarray]]:
     """Features (N,) of the first frame and their places (N, 2) in each of the inner frames."""
     start, _ = frames[0]
-    features, result = chosen, []
+    features, places = chosen, []
     home_px = now_px = keypoints_px[chosen]
     for (before, _), (image, free) in pairwise(frames[:-1]):
         # Beside the keyframe this is the place that is sought; further on it is but a guess at it.
-        now_px, found = follow(before, image, now_px, free=free, and_back=before is start)
-        features, home_px, now_px = features[found], home_px[found], now_px[found]
+        now_px, followed = follow(before, image, now_px, free=free, and_back=before is start)
+        features, home_px, now_px = features[followed], home_px[followed], now_px[followed]
         exact_px, sure = now_px, np.ones(len(now_px), dtype=bool)
         if before is not start:
             exact_px, sure = follow(start, image, home_px, now_px, free)
-        result.append((features[sure], exact_px[sure]))
-    return result
+        places.append((features[sure], exact_px[sure]))
+    return places
 
 
 def follow(

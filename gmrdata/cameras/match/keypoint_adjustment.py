@@ -52,9 +52,9 @@ def _measure(matches: Matches, keyframes: Frames) -> PatchMotions:
     """How the patches of matches move from each keyframe to the next; none that touch a mask."""
     starts = matches.starts
     neighbours = [pair for pair in matches.pairs if pair.second == pair.first + 1]
-    found = in_threads(partial(_moved, matches, keyframes), neighbours)
+    motions = in_threads(partial(_moved, matches, keyframes), neighbours)
     points, moved_px = [np.zeros((0, 2), np.int64)], [np.zeros((0, 2))]
-    for pair, (features, by_px) in zip(neighbours, found, strict=True):
+    for pair, (features, by_px) in zip(neighbours, motions, strict=True):
         points.append(starts[[pair.first, pair.second]] + features)
         moved_px.append(by_px)
     first, second = np.concatenate(points).T

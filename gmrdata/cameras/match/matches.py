@@ -114,12 +114,12 @@ def match_frames(
     """
     pycolmap.set_random_seed(config.seed)
     database_path = work_dir / DATABASE_FILE
-    with finder or FeatureFinder(frames, work_dir, config) as features:
-        found = find_features(frames, database_path, features, calibrated=calibrated)
+    with finder or FeatureFinder(frames, work_dir, config) as begun:
+        features = find_features(frames, database_path, begun, calibrated=calibrated)
     match_features(database_path, config)
     sort_pairs(database_path)
     matches = read_matches(database_path, frames.images)
-    matches = replace(matches, **found._asdict())
+    matches = replace(matches, **features._asdict())
     _require_usable(matches, frames)
     return matches
 
@@ -158,8 +158,8 @@ def _write_alike(pairs_path: Path, database_path: Path, config: SfmConfig) -> bo
         if not config.mapping.in_parts(len(images)):
             return False
         # Of an image without features COLMAP gives a table of (0, 0).
-        found = (np.asarray(database.read_descriptors(one.image_id).data) for one in images)
-        tables = (table.reshape(-1, 128) for table in found)
+        descriptors = (np.asarray(database.read_descriptors(one.image_id).data) for one in images)
+        tables = (table.reshape(-1, 128) for table in descriptors)
         apart = 2 ** (config.mapping.near_overlap - 1)
         pairs = alike_before(tables, apart, config.mapping.alike, config.seed)
     lines = [f"{images[first].name} {images[second].name}\n" for first, second in pairs]
