@@ -134,7 +134,7 @@ def make_bodies(
             another video, by its frames or its pictures; or the built-in estimator's, of another
             lens or body.
     """
-    found, (frames, lens) = read_system(poses_path, "camera"), filmed
+    estimated, (frames, lens) = read_system(poses_path, "camera"), filmed
     recipe = _BodiesRecipe(
         bodies=config,
         intrinsics_px=tuple(tuple(row) for row in lens.matrix_px.tolist()),
@@ -146,9 +146,9 @@ def make_bodies(
     )
 
     def work(partial: Path) -> None:
-        _write(found, poses_path, filmed, load_body(body_path), config, partial)
+        _write(estimated, poses_path, filmed, load_body(body_path), config, partial)
 
-    inputs = {"body": body_path} | {f"poses_{n}": path for n, path in enumerate(found.files)}
+    inputs = {"body": body_path} | {f"poses_{n}": path for n, path in enumerate(estimated.files)}
     run_stage("bodies", out_dir, recipe, inputs, work, run=run)
     people = BodiesRecord.read(out_dir / BODIES_FILE).people
     return tuple(PersonFiles(out_dir / person_file(n), body_path) for n in range(len(people)))

@@ -88,9 +88,9 @@ def _seen(body: BodyModel, motion: Motion) -> _SeenPerson:
     lowest_m = np.minimum(soles_m[:, :, 2].min(axis=1), lowest_others_m(joints_m))
     mass_m = joints_m[:, :, 2] @ MASSES
     apart = max(1, round(motion.fps_hz / RATE_HZ))
-    found = flights((mass_m - lowest_m)[::apart], mass_m[::apart], motion.fps_hz / apart)
+    airborne = flights((mass_m - lowest_m)[::apart], mass_m[::apart], motion.fps_hz / apart)
     held = np.ones(motion.n_frames, dtype=bool)
-    for start, stop in found:
+    for start, stop in airborne:
         held[start * apart + 1 : stop * apart] = False
     unheld = _unheld_share(soles_m[::apart], held[::apart], motion.fps_hz / apart)
     shown, on_floor_m = shown_tilts(body, motion), motion.pelvis_m[:, 2] - lowest_m
@@ -137,12 +137,12 @@ def flights(on_floor_m: np.ndarray, seen_m: np.ndarray, fps_hz: float) -> list[t
 
 def _runs_back(began: np.ndarray) -> list[tuple[int, int]]:
     """The flights of the best way, from its end to its start, in order."""
-    found, frame = [], len(began) - 1
+    runs, frame = [], len(began) - 1
     while frame > 0:
         if began[frame] >= 0:
-            found.append((int(began[frame]), frame))
+            runs.append((int(began[frame]), frame))
         frame = int(began[frame]) if began[frame] >= 0 else frame - 1
-    return found[::-1]
+    return runs[::-1]
 
 
 def _standing_costs(on_floor_m: np.ndarray, seen_m: np.ndarray, fps_hz: float) -> np.ndarray:
@@ -230,5 +230,5 @@ def _heights_and_tilts(seen: _SeenPerson, drift_m: float) -> tuple[np.ndarray, n
         np.zeros(2 * (n_frames - 1)), *(told @ seen.shown.tilts).T, np.zeros(2),
     ])  # fmt: skip
     least = rows.T @ rows + 1e-9 * sparse.identity(3 * n_frames + 2)
-    found = spsolve(least.tocsc(), rows.T @ wanted)
-    return found[:n_frames], found[n_frames:-2].reshape(2, n_frames).T
+    solution = spsolve(least.tocsc(), rows.T @ wanted)
+    return solution[:n_frames], solution[n_frames:-2].reshape(2, n_frames).T

@@ -121,7 +121,7 @@ def picture_fits(
     limbs are off by more than `off_limbs`.  `limbs` are of the same bodies."""
     limbs = limbs or seen_limbs(clips, bodies, people)
     masks = _Masks(people, camera_of(clips[0]))
-    found = [_Overlaps.empty(clip.valid) for clip in clips]
+    overlaps = [_Overlaps.empty(clip.valid) for clip in clips]
     known = np.flatnonzero(np.any([clip.valid for clip in clips], axis=0))
     shown = np.array([masks.of(int(clips[0].image_numbers[row])) is not None for row in known])
     both = known[shown] if len(known) else known
@@ -137,17 +137,17 @@ def picture_fits(
             others = [of for other, of in enumerate(outlines) if other != person]
             for row, outline in own.items():
                 elsewhere = _elsewhere(row, outline, others)
-                found[person].now[row] = _at(clip, row, outline, elsewhere, masks)
-                if found[person].now[row] < config.off_overlap:
-                    found[person].covered[row] = _covered(clip, row, outline, masks)
-                found[person].doubled[row] = _doubled(row, outline, outlines[:person])
+                overlaps[person].now[row] = _at(clip, row, outline, elsewhere, masks)
+                if overlaps[person].now[row] < config.off_overlap:
+                    overlaps[person].covered[row] = _covered(clip, row, outline, masks)
+                overlaps[person].doubled[row] = _doubled(row, outline, outlines[:person])
                 if row in compared_late[person]:
                     late = [
                         _at(clip, row + lag, outline, elsewhere, masks) for lag in lags.tolist()
                     ]
-                    found[person].late.append(late)
+                    overlaps[person].late.append(late)
     fits = []
-    for person, (one, limbs_off) in enumerate(zip(found, limbs.off, strict=True)):
+    for person, (one, limbs_off) in enumerate(zip(overlaps, limbs.off, strict=True)):
         fit = _fit(one, lags, one.off(limbs_off, config))
         if fit and fit.late_frames:
             then, _ = _limbs(clips[person], bodies[person], limbs.landmarks, fit.late_frames)

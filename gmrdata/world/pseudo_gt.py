@@ -199,10 +199,10 @@ def _solved_cameras(evidence: WorldEvidence, clips: Sequence[Clip]) -> SolvedCam
     def of_frames(
         load: Callable[[Path], np.ndarray], path: Path | None, what: str
     ) -> np.ndarray | None:
-        found = None if path is None else load(path)
-        if found is not None and len(found) != len(rows):
-            raise BadRecord(f"{path}: {len(found)} {what} for {len(rows)} frames")
-        return found
+        values = None if path is None else load(path)
+        if values is not None and len(values) != len(rows):
+            raise BadRecord(f"{path}: {len(values)} {what} for {len(rows)} frames")
+        return values
 
     return SolvedCameras(
         path=_blanked(replace(path, has_camera=path.has_camera & (rows >= 0))),

@@ -63,10 +63,10 @@ def standing_feet_up(body: BodyModel, motion: Motion) -> tuple[np.ndarray, np.nd
 def up_of_standing_feet(motion: Motion, body: BodyModel) -> np.ndarray | None:
     """The direction (3,) that standing feet show as up, or None where none stands for 0.1 s."""
     ups, still = standing_feet_up(body, motion)
-    found = ups[still]
-    if len(found) < max(1.0, SHORTEST_STAND_S * motion.fps_hz):
+    standing = ups[still]
+    if len(standing) < max(1.0, SHORTEST_STAND_S * motion.fps_hz):
         return None
-    up = _geometric_median(found)
+    up = _geometric_median(standing)
     length = np.linalg.norm(up)
     return np.asarray(up / length) if length > SHORTEST_UP else None
 

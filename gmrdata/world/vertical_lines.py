@@ -96,13 +96,13 @@ def find_lines(
         rows = rows_of_numbers(frames.numbers, cameras.image_numbers[known[some]])
         given = Frames(list(frames.paths), masks_dir, lens.matrix_px, frames.size_px).some(rows)
         rotmats = cameras.path.world_from_cam[known[some], :3, :3]
-        found, end_px = straight_lines(given, config)
-        ends_px = np.concatenate([np.zeros((0, 2, 2)), *found])
+        lines, end_px = straight_lines(given, config)
+        ends_px = np.concatenate([np.zeros((0, 2, 2)), *lines])
         arrays: dict[str, ArrayLike] = {
             "format": _FORMAT,
             "ends": (ends_px - lens.centre_px) / lens.focal_px,
             "ends_sigma": np.array(end_px / min(lens.focal_px)),
-            "rotmats": np.repeat(rotmats, list(map(len, found)), axis=0),
+            "rotmats": np.repeat(rotmats, list(map(len, lines)), axis=0),
             "radial": np.array(lens.radial, dtype=np.float64),
             "lens_sigmas": np.array(_lens_sigmas(lens), dtype=np.float64),
         }
