@@ -52,15 +52,15 @@ def turned_back(motions: list[Answer], lengths: Lengths) -> list[Answer]:
     """
     at, last = _at_and_last(motions[0][1], lengths)
     back = (last - 1 - at).clamp(min=0)
-    found = []
+    answers = []
     for way, (turns, moves_m) in enumerate(motions):
         if way % 2:
             turns, moves_m = turns * turns.new_tensor(SIGNS), moves_m * moves_m.new_tensor(MIRROR)
         if way >= 2:
             turns, moves_m = _frames_of(turns.transpose(-1, -2), back), _frames_of(moves_m, back)
             moves_m = -(turns @ moves_m[..., None])[..., 0]
-        found.append((turns, moves_m))
-    return found
+        answers.append((turns, moves_m))
+    return answers
 
 
 def mean_motion(motions: list[Answer]) -> Answer:
@@ -72,7 +72,7 @@ def mean_motion(motions: list[Answer]) -> Answer:
     if len(motions) == 1:
         return motions[0]
     delta_m = torch.stack([moves_m for _, moves_m in motions]).mean(0)
-    turns = torch.stack([rotations.from_rotmats(found, "quaternion") for found, _ in motions])
+    turns = torch.stack([rotations.from_rotmats(rotmats, "quaternion") for rotmats, _ in motions])
     sides = torch.where((turns * turns[0]).sum(-1, keepdim=True) < 0, -turns, turns)
     return rotations.to_rotmats(sides.mean(0), "quaternion"), delta_m
 

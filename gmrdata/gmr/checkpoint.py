@@ -275,10 +275,10 @@ def _read_tensors(
             raise BadCheckpoint(f"{path}: {key} is of {tensor.dtype}, no weights. Train again")
         if not tensor.float().isfinite().all():
             raise BadCheckpoint(f"{path}: {key} holds NaN or infinite numbers. Train again")
-    found = {name: tensor.shape for name, tensor in tensors.items()}
-    if shapes is None or found == shapes:
+    actual = {name: tensor.shape for name, tensor in tensors.items()}
+    if shapes is None or actual == shapes:
         return tensors
-    differing = sorted({name for name, _ in found.items() ^ shapes.items()})
+    differing = sorted({name for name, _ in actual.items() ^ shapes.items()})
     raise BadCheckpoint(
         f"{path}: of another model; differing tensors: {', '.join(differing[:5])}"
         f"{' ...' if len(differing) > 5 else ''}. Use the run's own settings, or train again"

@@ -86,10 +86,10 @@ def in_files(runs: Iterable[TrainingRun], folder: Path, about: PackRecord) -> Fl
     """
     folder.parent.mkdir(parents=True, exist_ok=True)
     with locked(folder):
-        found = None
+        record = None
         with suppress(MissingInput, BadRecord):
-            found = PackRecord.read(folder / PACK_FILE)
-        if found != about:
+            record = PackRecord.read(folder / PACK_FILE)
+        if record != about:
             partial = partial_of(folder)
             for old in (partial, folder):
                 shutil.rmtree(old, ignore_errors=True)

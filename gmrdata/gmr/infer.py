@@ -144,8 +144,7 @@ def stand(motion: Motion, body: BodyModel) -> Motion:
 
 def stand_and_say(motion: Motion, body: BodyModel) -> tuple[Motion, LevelEstimate | None]:
     """The same, and how level it is; None where nothing shows it."""
-    found = _up_of(motion, body)
-    up, level = (UP, None) if found is None else found
+    up, level = _up_of(motion, body) or (UP, None)
     level_from_world = smallest_rotation(up, UP)
     root_rotmats = level_from_world @ motion.root_rotmats
     pelvis_m = (motion.pelvis_m - motion.pelvis_m[0]) @ level_from_world.T
@@ -156,14 +155,14 @@ def stand_and_say(motion: Motion, body: BodyModel) -> tuple[Motion, LevelEstimat
     how = f"up from feet that stand and the mass above them, to {level.sigma_deg:.1f} deg"
     motion = held_upright(body, motion)
     heights_m = motion.pelvis_m[:, 2]
-    found_m = on_one_floor(body, motion)
-    if found_m is None:
+    on_floor = on_one_floor(body, motion)
+    if on_floor is None:
         how = f"{how}; on more than one floor"
         motion = _moved_to_floor(motion, *standing_soles_m(body, motion), how)
     else:
-        change_m = float(np.std(found_m.pelvis_m[:, 2] - heights_m))
+        change_m = float(np.std(on_floor.pelvis_m[:, 2] - heights_m))
         how = f"{motion.source}; {how}; on one floor, by {change_m:.2f} m (RMS)"
-        motion = replace(found_m, source=how)
+        motion = replace(on_floor, source=how)
     soles_m, still = standing_soles_m(body, motion)
     return motion, level.with_soles(soles_m[still][:, 2])
 

@@ -232,11 +232,11 @@ def deltas_at_source_rate(gmr: TrainedGmr, motion: Motion) -> DoubtedMotions:
             local_rotmats=local.local_rotmats[:, :0],
         )  # fmt: skip
         back = resample(path, motion.fps_hz)
-        found, found_m = deltas(back.root_rotmats, back.pelvis_m)
-        rows = slice(phase, min(phase + len(found), n - 1))
+        delta_rotmats, delta_m = deltas(back.root_rotmats, back.pelvis_m)
+        rows = slice(phase, min(phase + len(delta_rotmats), n - 1))
         count = rows.stop - phase
-        turns[rows] += Rotation.from_matrix(found[:count]).as_rotvec()
-        steps_m[rows] += found_m[:count]
+        turns[rows] += Rotation.from_matrix(delta_rotmats[:count]).as_rotvec()
+        steps_m[rows] += delta_m[:count]
         of_motion = (np.arange(count) * gmr.fps_hz / motion.fps_hz).astype(int)
         doubts[rows] += doubt[of_motion.clip(max=len(doubt) - 1)]
         counts[rows] += 1

@@ -242,7 +242,7 @@ def split_manifests(
     wanted = {_subject_key(subject): str(subject) for subject in config.held_out_subjects}
     training: list[list[ClipFile]] = []
     held_out: list[ClipFile] = []
-    found: set[str] = set()
+    present: set[str] = set()
     left_out: Counter[str] = Counter()
     for path in manifest_paths:
         training.append([])
@@ -253,14 +253,14 @@ def split_manifests(
             subject = subject_of(file.entry.source)
             on_lists = [name for name in lists if source_key(file.entry.source) in lists[name]]
             if subject is not None and subject in wanted:
-                found.add(subject)
+                present.add(subject)
                 held_out.append(file)
                 left_out[f"of held-out subject {wanted[subject]}"] += 1
             elif on_lists:
                 left_out[f"on the list {on_lists[0]}"] += 1
             else:
                 training[-1].append(file)
-    missing = [name for key, name in wanted.items() if key not in found]
+    missing = [name for key, name in wanted.items() if key not in present]
     if missing and not may_lack_people:
         raise BadRecipe(f"data.held_out_subjects: no clip is of {', '.join(missing)}")
     names = tuple(path.name for path in manifest_paths)
