@@ -130,13 +130,13 @@ class FusedInputs:
 
     def files(self, body_path: str | Path | None) -> dict[str, Path]:
         """By role, for the stage's record."""
-        found: dict[str, str | Path | None] = {
+        paths: dict[str, str | Path | None] = {
             "run": weights_dir(self.network_dir), "errors": self.errors_path, "body": body_path,
             "quality": self.quality_path, "doubts": self.doubts_path,
         }  # fmt: skip
         for n, path in enumerate(self.clip_paths):
-            found |= {f"clip_{n}": path, f"seen_{n}": seen_path(path)}
-        return {role: Path(path) for role, path in found.items() if path is not None}
+            paths |= {f"clip_{n}": path, f"seen_{n}": seen_path(path)}
+        return {role: Path(path) for role, path in paths.items() if path is not None}
 
 
 def seen_path(clip_path: Path) -> Path | None:
@@ -389,7 +389,7 @@ def _world_clip(path: Path) -> Clip:
 def _loop_rows(clip: Clip, config: FuseConfig) -> list[SamePlace]:
     """The loops by the clip's rows; BadRecipe for one that is outside, or of one moment."""
     last_s, fps_hz = (clip.motion.n_frames - 1) / clip.motion.fps_hz, clip.motion.fps_hz
-    found = []
+    loops = []
     for loop in config.loops:
         said = f"loop {loop.time_s:g}:{loop.other_time_s:g}"
         if max(loop.time_s, loop.other_time_s) > last_s + 0.5 / fps_hz:
@@ -398,8 +398,8 @@ def _loop_rows(clip: Clip, config: FuseConfig) -> list[SamePlace]:
         if row == other_row:
             raise BadRecipe(f"{said}: both are frame {row}. Give two times")
         n = clip.motion.n_frames - 1
-        found.append(SamePlace(min(row, n), min(other_row, n), config.loop_sigma_m))
-    return found
+        loops.append(SamePlace(min(row, n), min(other_row, n), config.loop_sigma_m))
+    return loops
 
 
 @dataclass(frozen=True, eq=False)
@@ -450,9 +450,9 @@ def _fused(
     clip, gmr = _posed(clip_on_body(person.clip, body)), network.gmr
     motion, known = clip.motion, known_frames(clip)
     check_finite(clip)
-    found = deltas_at_source_rate(gmr, motion)
-    path = held(gmr, motion.local_rotmats, found[:2], motion.fps_hz)
-    motions = seen_motions(found, motion.fps_hz, network.errors)
+    predicted = deltas_at_source_rate(gmr, motion)
+    path = held(gmr, motion.local_rotmats, predicted[:2], motion.fps_hz)
+    motions = seen_motions(predicted, motion.fps_hz, network.errors)
     hidden = hidden_frames(person.seen, motion.fps_hz)
     # With a camera or without: a hand over the lens hides the person too.
     motions = widened(motions, unseen_frames(clip) | ~person.seen, config.unseen_widening)

@@ -103,12 +103,12 @@ def measure_delta_errors(
     if len(rates) > 1:
         said = " and ".join(f"{name} is of {fps_hz:g} fps" for fps_hz, name in rates.items())
         raise BadRecipe(f"--network: {said}. Measure networks of one frame rate together")
-    found = [
+    held_out = [
         one
         for run_dir in run_dirs
         for one in held_out_motions(run_dir, manifest_paths, config, people=people)
     ]
-    return delta_errors(networks, found, config)
+    return delta_errors(networks, held_out, config)
 
 
 def held_out_motions(
@@ -131,12 +131,12 @@ def held_out_motions(
             " that a network has not seen: train with data.held_out_subjects"
         )
     gmr, rng = load_gmr(run_dir, config.which), np.random.default_rng(config.seed)
-    found = []
+    motions = []
     for file in track(files, f"predicting, {gmr.name}", total=len(files)):
         person = subject_of(file.entry.source) or file.entry.id
         runs = tuple(beside_truth(gmr, file.load(), config, rng))
-        found.append(HeldOut(file.entry.id, person, runs))
-    return found
+        motions.append(HeldOut(file.entry.id, person, runs))
+    return motions
 
 
 def _data_of(run_dir: Path) -> DataConfig:
@@ -158,8 +158,8 @@ def beside_truth(
     fps_hz = min(config.fps_hz, clip.motion.fps_hz)
     for true in runs_at(clip, fps_hz, all_phases=False):
         if (true.n_frames - 1) / fps_hz >= 1 / gmr.fps_hz:
-            found = deltas_at_source_rate(gmr, noisy(true, config, rng))
-            yield SeenBesideTruth(*found, true.root_rotmats, true.pelvis_m, fps_hz)
+            predicted = deltas_at_source_rate(gmr, noisy(true, config, rng))
+            yield SeenBesideTruth(*predicted, true.root_rotmats, true.pelvis_m, fps_hz)
 
 
 def noisy(motion: Motion, config: MeasureConfig, rng: np.random.Generator) -> Motion:
@@ -335,11 +335,11 @@ def _fit_axis(variances: np.ndarray, seconds: np.ndarray) -> tuple[tuple[float, 
     fits = []
     for times_s in product(FAST_TIMES_S, SLOW_TIMES_S):
         shapes = np.stack([mean_variance(np.array(SPANS_S) / time_s) for time_s in times_s])
-        found = [
+        minima = [
             least_squares(_log_misfit, np.sqrt(row[[0, -1]]) / 2, args=(shapes, at, weight))
             for row, at, weight in zip(variances, measured, weights, strict=True)
         ]
-        fits.append((sum(one.cost for one in found), times_s, [np.abs(one.x) for one in found]))
+        fits.append((sum(one.cost for one in minima), times_s, [np.abs(one.x) for one in minima]))
     _, times_s, sigma = min(fits, key=lambda fit: fit[0])
     return times_s, np.array(sigma)
 

@@ -211,7 +211,7 @@ def corrected_by_like_poses(
     known = np.concatenate([here[both][::every], mirrored[both][::every]])
     in_mirror = np.concatenate([-ACROSS, ACROSS])  # turns and steps: a turn's axis is no arrow
     known_errors = np.concatenate([errors, errors * in_mirror])
-    found = np.empty((int((~both).sum()), 6))
+    unseen_errors = np.empty((int((~both).sum()), 6))
     for axes in (slice(0, 3), slice(3, 6)):
         carried = RBFInterpolator(
             known,
@@ -222,10 +222,10 @@ def corrected_by_like_poses(
             epsilon=1 / (np.sqrt(2) * LIKE_M),
             degree=-1,
         )
-        found[:, axes] = carried(here[~both])
+        unseen_errors[:, axes] = carried(here[~both])
     turns, steps_m = motions.delta_rotmats.copy(), motions.delta_m.copy()
-    turns[~both] = turns[~both] @ Rotation.from_rotvec(found[:, :3]).as_matrix()
-    steps_m[~both] += found[:, 3:]
+    turns[~both] = turns[~both] @ Rotation.from_rotvec(unseen_errors[:, :3]).as_matrix()
+    steps_m[~both] += unseen_errors[:, 3:]
     return replace(motions, delta_rotmats=turns, delta_m=steps_m)
 
 
