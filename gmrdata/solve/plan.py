@@ -69,7 +69,7 @@ class VideoPlan(NamedTuple):
 def plan_video(request: SolveRequest, config: SolveConfig) -> VideoPlan:
     """By the file's own word, or by the images of a folder; errors as of `SolveRequest.check`, and
     of reading them."""
-    found = request.check()
+    estimated = request.check()
     people = request.people
     asked = {
         "frames": True,
@@ -83,8 +83,8 @@ def plan_video(request: SolveRequest, config: SolveConfig) -> VideoPlan:
     stages = [name for name, is_on in asked.items() if is_on]
     frames = planned_frames(request.source, request.part).with_rate(request.fps_hz)
     if request.part is not None and request.part.take_what_decodes:
-        found = None  # nobody knows how many do
-    require_of_frames(request, found, frames, config)
+        estimated = None  # nobody knows how many do
+    require_of_frames(request, estimated, frames, config)
     if request.gravity_path is not None and people is not None:
         read_gravity(request.gravity_path, frames)
     planned = plan_stages(frames, stages, alone=people is None)
@@ -147,12 +147,12 @@ def plan_videos(
         load_body(chosen_body(body))
     felt = None if gravity is None else Path(gravity)
     request = SolveRequest(paths[0], people, lens, fps_hz, part, felt)
-    found = find_videos(paths)
-    if found is None:
+    videos = find_videos(paths)
+    if videos is None:
         planned = plan_video(request.of(NamedVideo("", paths[0], results), body), config)
         return PlannedVideos(True, planned.rows, planned.summary(paths[0]))
     batch = VideoBatch(Path(), request, config, body)
-    return plan_batch(prepared(found, batch, results).videos, batch)
+    return plan_batch(prepared(videos, batch, results).videos, batch)
 
 
 def plan_batch(videos: Sequence[NamedVideo], batch: VideoBatch) -> PlannedVideos:

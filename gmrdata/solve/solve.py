@@ -100,7 +100,7 @@ def solve(
         BadFrames, MissingInput, BadMotionFile and what else `SolveRequest.check` and the stages
             raise.
     """
-    found = request.check()
+    estimated = request.check()
     if request.source.is_dir() and out_dir.resolve() == request.source.resolve():
         # Files among frames would be others when the run goes on.
         raise StaleOutput(f"{out_dir}: is the folder of frames. Pass another --out, as one in it")
@@ -110,7 +110,7 @@ def solve(
     judged = _records(out_dir) if any((out_dir / name).exists() for name in results) else None
     body_path = _body(request, out_dir, run)
     frames = _frames(request, out_dir, run)
-    require_of_frames(request, found, frames, config)
+    require_of_frames(request, estimated, frames, config)
     solved = Solved(request, out_dir, config, frames, run, body_path)
     solved = replace(solved, gravity_path=_gravity(request, out_dir, frames))
     for step in (_followed, _masks, _lens, _cameras, _cameras_again, _people, _world):
@@ -131,11 +131,11 @@ def solve(
 
 def _records(out_dir: Path) -> Mapping[str, bytes]:
     """The records of the stages in a folder, by name."""
-    found: dict[str, bytes] = {}
+    records: dict[str, bytes] = {}
     for path in out_dir.glob(f"*/{STAGE_FILE}"):
         with suppress(FileNotFoundError):  # another process makes it now
-            found[path.parent.name] = path.read_bytes()
-    return found
+            records[path.parent.name] = path.read_bytes()
+    return records
 
 
 def _if_still_true(judged: Mapping[str, bytes] | None, out_dir: Path) -> Mapping[str, bytes] | None:
@@ -414,11 +414,11 @@ def _masks_of_people(solved: Solved) -> PeopleMasks | None:
     """What bodies must lie on; whom a system sees stands before the camera without distortion."""
     if solved.config.masks is None:
         return None
-    found = people_masks(solved.out_dir / MASKS, solved.config.masks, solved.followed_dir)
-    if found is None or not isinstance(solved.request.people, PeopleBySystem):
-        return found
+    masks = people_masks(solved.out_dir / MASKS, solved.config.masks, solved.followed_dir)
+    if masks is None or not isinstance(solved.request.people, PeopleBySystem):
+        return masks
     assert solved.sfm_dir is not None
-    return replace(found, distortion=load_quality(solved.sfm_dir).lens)
+    return replace(masks, distortion=load_quality(solved.sfm_dir).lens)
 
 
 def _size_sigmas(solved: Solved) -> tuple[float, ...]:
@@ -455,15 +455,15 @@ def people_masks(
     None where there are none: silhouettes lie on the bodies by themselves, and nobody knows what is
     in a folder.
     """
-    found: dict[bool, PeopleMasks] = {}
+    by_boxed: dict[bool, PeopleMasks] = {}
     for name, source in config.named:
         if shows_people(source):
             boxed = isinstance(source, OnnxSource)
             masks = PeopleMasks(
                 sources_dir(masks_dir) / name, source.dilate_px, boxed, followed_dir
             )
-            found.setdefault(boxed, masks)
-    return found.get(False, found.get(True))
+            by_boxed.setdefault(boxed, masks)
+    return by_boxed.get(False, by_boxed.get(True))
 
 
 def _fusion(solved: Solved) -> Solved:

@@ -154,12 +154,12 @@ class VideoBatch:
     def inputs(self, video: NamedVideo) -> dict[str, Path]:
         people = self.of(video).people
         role = FRAMES_ROLE if video.path.is_dir() else "video"
-        found = {role: video.path, **self.files, **self.networks.get(people is not None, {})}
+        paths = {role: video.path, **self.files, **self.networks.get(people is not None, {})}
         if isinstance(people, PeopleBySystem):
             results_path = people.results_path
-            found |= self.own_files if results_path is None else {"poses": results_path}
-            found |= self.body_files
-        return found
+            paths |= self.own_files if results_path is None else {"poses": results_path}
+            paths |= self.body_files
+        return paths
 
     def recipe(self, video: NamedVideo) -> "_EntryRecipe":
         request = self.of(video)
@@ -295,14 +295,14 @@ def solve_videos(
         BadRecipe, MissingInput: of what was given.
     """
     paths = paths_of(sources)
-    found = find_videos(paths)
-    if found is None:
+    videos = find_videos(paths)
+    if videos is None:
         raise BadRecipe(f"{paths[0]}: is one video. Use solve_video")
     config = config.with_heights(height_m)
     people, results_dir = people_of(poses, body, config)
     request = SolveRequest(Path(), people, lens, fps_hz, part)
     batch = VideoBatch(Path(out_dir), request, config, body, after, leaves)
-    return solve_batch(prepared(found, batch, results_dir).videos, batch, run)
+    return solve_batch(prepared(videos, batch, results_dir).videos, batch, run)
 
 
 def prepared(found: FoundVideos, batch: VideoBatch, poses_dir: Path | None) -> FoundVideos:
