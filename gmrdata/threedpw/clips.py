@@ -183,10 +183,10 @@ def with_original(arrays: SequenceArrays, original: SequenceArrays) -> SequenceA
 
     BadSequence where that file has other frames or people.
     """
-    found = [(arrays.n_frames, [one.gender for one in arrays.people])]
-    found += [(original.n_frames, [one.gender for one in original.people])]
-    if found[0] != found[1]:
-        texts = [f"{n} frames of {', '.join(genders)}" for n, genders in found]
+    both = [(arrays.n_frames, [one.gender for one in arrays.people])]
+    both += [(original.n_frames, [one.gender for one in original.people])]
+    if both[0] != both[1]:
+        texts = [f"{n} frames of {', '.join(genders)}" for n, genders in both]
         raise BadSequence(f"{arrays.name}: {texts[0]}, but 3DPW's own file has {texts[1]}")
     people = (
         replace(
@@ -205,14 +205,14 @@ def _require_one_camera(name: str, clips: Sequence[Clip]) -> None:
     for clip in clips:
         camera = camera_of(clip)
         if clip.motion.frame != "world" or clip.motion.fps_hz != FPS_HZ:
-            found = f"is in the {clip.motion.frame} frame at {clip.motion.fps_hz:g} Hz"
+            fault = f"is in the {clip.motion.frame} frame at {clip.motion.fps_hz:g} Hz"
             needed = f"a sequence needs the world frame at {FPS_HZ:g} Hz"
-            raise BadSequence(f"{name}: clip {clip.id} {found}; {needed}")
+            raise BadSequence(f"{name}: clip {clip.id} {fault}; {needed}")
         same_path = np.array_equal(camera.world_from_cam, first.world_from_cam, equal_nan=True)
         if not (same_path and np.array_equal(camera.intrinsics_px, first.intrinsics_px)):
-            found = f"has another camera than {clips[0].id}"
+            fault = f"has another camera than {clips[0].id}"
             needed = "people of a sequence share one camera"
-            raise BadSequence(f"{name}: clip {clip.id} {found}; {needed}")
+            raise BadSequence(f"{name}: clip {clip.id} {fault}; {needed}")
 
 
 def _person(

@@ -172,16 +172,16 @@ def _checked(
 
 def choose(root: Path, names: Sequence[str]) -> tuple[list[SequenceFiles], dict[str, str]]:
     """The sequences to regenerate, and by name why others can't be read."""
-    found = find_sequences(root)
-    if unknown := sorted(set(names) - {files.name for files in found}):
+    sequences = find_sequences(root)
+    if unknown := sorted(set(names) - {files.name for files in sequences}):
         known = "`gmrdata threedpw list` shows the names"
         raise MissingInput(f"{root}: no sequence {', '.join(unknown)}; {known}")
     chosen, refused = [], {}
-    for files in found:
+    for files in sequences:
         if names and files.name not in names:
             continue
         try:
-            require_one_split(files.name, found)
+            require_one_split(files.name, sequences)
             chosen.append(files)
         except BadSequence as error:
             refused[files.name] = str(error)
@@ -245,10 +245,10 @@ def _besides(
         for name, why in unmade.items():
             remark(f"{name}: left out, as {why}")
         names, unmade = tuple(name for name in names if name in known), {}
-    found, refused = choose(root.absolute(), [name for name in names if name in known])
+    chosen, refused = choose(root.absolute(), [name for name in names if name in known])
     missing = {name: why for name, why in refused.items() if name not in recipe.sequences}
     missing |= unmade
-    others = [files for files in found if files.name not in recipe.sequences]
+    others = [files for files in chosen if files.name not in recipe.sequences]
     for files in others:
         try:
             _require_made(files, recipe, paths, Run(only_look=True))
@@ -390,12 +390,12 @@ RANGE_HEADINGS = ("person", "gender", "first frame", "last frame", "frames", "us
 def sequence_rows(root: Path, rule: str) -> tuple[list[tuple[str, ...]], int]:
     """A row for `LIST_HEADINGS` per sequence, and how many say why one can't be read."""
     known = threedpw.known_rule(rule)
-    found = find_sequences(root)
+    sequences = find_sequences(root)
     rows: list[tuple[str, ...]] = []
     n_bad = 0
-    for files in track(found, "reading sequences"):
+    for files in track(sequences, "reading sequences"):
         try:
-            require_one_split(files.name, found)
+            require_one_split(files.name, sequences)
             rows.append(_row(files, known))
         except (GmrdataError, OSError) as error:
             rows.append((_as_shown(files.name), files.split, "-", "-", "-", "-", str(error)))
