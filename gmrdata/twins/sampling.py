@@ -283,8 +283,8 @@ def film_of(size: str, n_frames: int) -> Film:
     """The twins' film of `n_frames` at 30 fps, with 3DPW's horizontal field of view at any size:
     "small", "full", or width and height like 180x320 [px]; else BadRecipe."""
     width_px, height_px = SIZES_PX.get(size, (0, 0))
-    if found := re.fullmatch(r"(\d{1,5})x(\d{1,5})", size):
-        width_px, height_px = int(found[1]), int(found[2])
+    if match := re.fullmatch(r"(\d{1,5})x(\d{1,5})", size):
+        width_px, height_px = int(match[1]), int(match[2])
     if min(width_px, height_px) < MIN_SIDE_PX or max(width_px, height_px) > LARGEST_SIDE_PX:
         known = "small, full, or width x height in pixels, like 180x320"
         raise BadRecipe(f"--size {size}: give {known}, each {MIN_SIDE_PX} to {LARGEST_SIDE_PX}")
