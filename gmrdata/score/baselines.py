@@ -279,8 +279,8 @@ def predict_mean(
         training = [file for path in training_paths for file in usable_files(path)[0]]
         mean = mean_motion(LazyClips(training), config.fps_hz)
         subjects, skipped = manifest_subjects(manifest_path)
-        found = [moving_as(mean, one) for one in subjects]
-        write_predictions(partial_dir, "mean", found, skipped, MeanPredictions, mean)
+        predictions = [moving_as(mean, one) for one in subjects]
+        write_predictions(partial_dir, "mean", predictions, skipped, MeanPredictions, mean)
 
     inputs = {"manifest": manifest_path}
     inputs |= {f"training_{i}": path for i, path in enumerate(training_paths)}

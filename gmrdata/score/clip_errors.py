@@ -37,12 +37,12 @@ def foot_vertices(body: BodyModel) -> tuple[int, ...]:
     """Vertices at toes and heels, left first: SMPL's own, or both ends of another mesh's soles."""
     if len(body.template_m) == SMPL_VERTICES and body.name.startswith("smpl"):
         return SMPL_FEET
-    found = []
+    vertices = []
     for side in ("left", "right"):
         sole = sole_vertices(body, body.template_m, side, SOLE_M)
         depths_m = body.template_m[sole, 2]
-        found += [int(sole[depths_m.argmax()]), int(sole[depths_m.argmin()])]
-    return tuple(found)
+        vertices += [int(sole[depths_m.argmax()]), int(sole[depths_m.argmin()])]
+    return tuple(vertices)
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +92,7 @@ def clip_errors(
         for method in METHODS
     }
     longest = max(runs, key=lambda run: len(run["predicted"]["over_time_mm"]))
-    found = ClipErrors(
+    scored = ClipErrors(
         clip.clip_id,
         clip.camera_motion,
         errors,
@@ -101,11 +101,11 @@ def clip_errors(
         took_true_camera=clip.took_true_camera,
     )
     if protocol is None:
-        return found
+        return scored
     pairs = _pairs(clip, protocol, (body, predicted_body or body), regressor)
     across = protocol.people == "together" or protocol.gaps == "joined_over_clips"
     return replace(
-        found,
+        scored,
         protocol={method: _pooled_values(protocol, pairs[method]) for method in METHODS},
         protocol_fps_hz=clip.worlds[0][0].true.fps_hz if clip.worlds else protocol.fps_hz,
         seen_in=_seen_in(clip.worlds, protocol) if _needs_camera(protocol) else None,
@@ -128,12 +128,12 @@ def across_clips(
     if protocol.gaps != "joined_over_clips":
         return list(scored)
     _require_one_rate(scored)
-    found = [dict(one.protocol) for one in scored]
+    figures = [dict(one.protocol) for one in scored]
     for method in METHODS:
         tables = accelerations_over_clips(protocol, [one.pairs[method] for one in scored])
-        for clip, table in zip(found, tables, strict=True):
+        for clip, table in zip(figures, tables, strict=True):
             clip[method] = {**clip[method], **table}
-    return [replace(one, protocol=new, pairs={}) for one, new in zip(scored, found, strict=True)]
+    return [replace(one, protocol=new, pairs={}) for one, new in zip(scored, figures, strict=True)]
 
 
 def _of_videos(
@@ -148,7 +148,7 @@ def _of_videos(
             )
         by_video.setdefault(videos.get(one.clip_id, one.clip_id), []).append(one)
     nothing = {metric: np.zeros(0) for metric in protocol.metrics}
-    found = []
+    errors = []
     for clips in by_video.values():
         _require_one_rate(clips)
         values = {
@@ -157,8 +157,8 @@ def _of_videos(
         }
         empty = {method: dict(nothing) for method in METHODS}
         for one in clips:
-            found.append(replace(one, protocol=values if one is clips[0] else empty, pairs={}))
-    by_id = {one.clip_id: one for one in found}
+            errors.append(replace(one, protocol=values if one is clips[0] else empty, pairs={}))
+    by_id = {one.clip_id: one for one in errors}
     return [by_id[one.clip_id] for one in scored]
 
 
@@ -178,14 +178,14 @@ def _run_errors(
     motions = {"predicted": run.predicted, "zero": still_motion(run.true, run.true)}
     vertices = motion_metrics.run_vertex_errors(body, run.true, motions, predicted_body)
     true_rotmats, true_m = deltas(run.true.root_rotmats, run.true.pelvis_m)
-    found = {}
+    errors = {}
     for method in METHODS:
         delta_rotmats, delta_m = deltas(motions[method].root_rotmats, motions[method].pelvis_m)
-        found[method] = vertices[method]._asdict() | {
+        errors[method] = vertices[method]._asdict() | {
             "ome_deg": motion_metrics.orientation_errors_deg(delta_rotmats, true_rotmats),
             "tme_mm": motion_metrics.translation_errors_mm(delta_m, true_m),
         }
-    return found
+    return errors
 
 
 def _pooled_values(
@@ -194,8 +194,8 @@ def _pooled_values(
     if protocol.people == "together":
         return {metric: np.zeros(0) for metric in protocol.metrics}
     parts = [protocol_values(protocol, pair) for pair in pairs]
-    found = {metric: pooled([one[metric] for one in parts]) for metric in protocol.metrics}
-    return found | {metric: mean_sample(found[metric]) for metric in protocol.once_per_clip}
+    values = {metric: pooled([one[metric] for one in parts]) for metric in protocol.metrics}
+    return values | {metric: mean_sample(values[metric]) for metric in protocol.once_per_clip}
 
 
 def _pairs(
@@ -205,7 +205,7 @@ def _pairs(
     regressor: np.ndarray | None,
 ) -> dict[Method, list[WorldPair]]:
     """What a protocol looks at, world by world: the true body's is the first of the bodies."""
-    found: dict[Method, list[WorldPair]] = {method: [] for method in METHODS}
+    pairs: dict[Method, list[WorldPair]] = {method: [] for method in METHODS}
     for world in clip.worlds:
         true = _whole([run.true for run in world])
         predicted = _whole([run.predicted for run in world])
@@ -232,8 +232,8 @@ def _pairs(
                 frames,
                 clip.video_frames,
             )
-            found[method].append(pair)  # type: ignore[index]  # mypy takes the names for str
-    return found
+            pairs[method].append(pair)  # type: ignore[index]  # mypy takes the names for str
+    return pairs
 
 
 def _needs_camera(protocol: Protocol) -> bool:

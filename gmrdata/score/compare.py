@@ -123,7 +123,7 @@ def compare_records(
     common = [id for id in clips[0] if all(id in other for other in clips)]
     _check_comparable(records, paths, clips, common)
     rng = np.random.default_rng(config.seed)
-    of_runs = [[found[id] for id in common] for found in clips]
+    of_runs = [[by_id[id] for id in common] for by_id in clips]
     first = records[0].protocol
     if any(record.protocol != first for record in records):
         left_out: str | None = _several_protocols(records, names)
@@ -138,8 +138,8 @@ def compare_records(
         resamples=config.resamples,
         clips=tuple(common),
         left_out={
-            name: tuple(sorted(found.keys() - set(common)))
-            for name, found in zip(names, clips, strict=True)
+            name: tuple(sorted(by_id.keys() - set(common)))
+            for name, by_id in zip(names, clips, strict=True)
         },
         metrics={
             one: _compared(one, of_runs, names, config, rng) for one in metrics_with(protocol)
@@ -193,10 +193,10 @@ def _compared(
     rows = []
     for number, (name, of_run) in enumerate(zip(names, values, strict=True)):
         mean = float(of_run.mean()) if n_clips else None
-        found = PairedDifference(n_clips, None, None, None)
+        diff = PairedDifference(n_clips, None, None, None)
         if number and n_clips:
-            found = paired_difference(values[0], of_run, config.resamples, config.permutations, rng)
-        rows.append(ComparedRun(run=name, mean_of_clips=mean, **found._asdict()))
+            diff = paired_difference(values[0], of_run, config.resamples, config.permutations, rng)
+        rows.append(ComparedRun(run=name, mean_of_clips=mean, **diff._asdict()))
     return tuple(rows)
 
 
@@ -206,13 +206,13 @@ def _check_comparable(
     clips: Sequence[dict[str, ClipScore]],
     common: Sequence[str],
 ) -> None:
-    for path, record, found in zip(paths, records, clips, strict=True):
+    for path, record, by_id in zip(paths, records, clips, strict=True):
         if record.fps_hz != records[0].fps_hz:
             raise BadRecord(
                 f"{path}: of motions at {record.fps_hz:g} fps, but {paths[0]} is of motions at "
                 f"{records[0].fps_hz:g} fps. Compare scores of one frame rate"
             )
-        other = (id for id in common if not _same_frames(clips[0][id], found[id]))
+        other = (id for id in common if not _same_frames(clips[0][id], by_id[id]))
         if id := next(other, None):
             raise BadRecord(
                 f"{path}: clip {id} was scored on other frames or another truth than in "

@@ -181,14 +181,14 @@ def acceleration_length_errors(
     predicted_m: Points, true_m: Points, runs: Sequence[Rows]
 ) -> Samples:
     """Length of the vector over joints of the differences of |acceleration| [m/frame^2]."""
-    found = []
+    errors = []
     for start, stop in runs:
         lengths = [
             np.linalg.norm(np.diff(one[start:stop], n=2, axis=0), axis=-1)
             for one in (predicted_m, true_m)
         ]
-        found.append(np.linalg.norm(lengths[1] - lengths[0], axis=-1))
-    return pooled(found)
+        errors.append(np.linalg.norm(lengths[1] - lengths[0], axis=-1))
+    return pooled(errors)
 
 
 def path_error_m(

@@ -98,8 +98,8 @@ def network_clip(gmr: "TrainedGmr", one: UsableClip, how: Pairing) -> PredictedC
 
     runs, all_phases = [], how.all_phases
     for true in runs_at(one.clip, gmr.fps_hz, all_phases=all_phases):
-        found = predict_deltas(gmr, true.local_rotmats)
-        root_rotmats, pelvis_m = accumulate(*found, true.root_rotmats[0], true.pelvis_m[0])
+        motions = predict_deltas(gmr, true.local_rotmats)
+        root_rotmats, pelvis_m = accumulate(*motions, true.root_rotmats[0], true.pelvis_m[0])
         predicted = replace(true, root_rotmats=root_rotmats, pelvis_m=pelvis_m)
         runs.append(PredictedRun(true, predicted))
     if not runs:

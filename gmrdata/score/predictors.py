@@ -278,7 +278,7 @@ class ResultSets:
             predictions=self.path.resolve().name,
             system=one.system,
             camera=config.camera if one.system in ("vibe", "phalp") else None,
-            clips={id: found.matched for id, found in matched.items()},
+            clips={id: match.matched for id, match in matched.items()},
         )
         return Predictor(
             one.name, model, config.fps_hz, lambda clip: _predicted(one, matched, config, clip)
@@ -336,8 +336,8 @@ def _image_numbers(entry: ClipEntry, manifest_path: Path) -> list[int]:
     listing = listed_path(manifest_path, entry, "images.listing", entry.images.listing.path)
     if not listing.is_file():
         return []
-    found = (number_in_name(one.path) for one in read_listing(listing))
-    return [number for number in found if number is not None]
+    numbers = (number_in_name(one.path) for one in read_listing(listing))
+    return [number for number in numbers if number is not None]
 
 
 def _predicted(

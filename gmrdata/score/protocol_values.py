@@ -70,8 +70,8 @@ def protocol_values(protocol: Protocol, pair: WorldPair) -> dict[ProtocolMetric,
         pair = replace(pair, runs=((0, len(pair.true.joints_m)),))
     parts = {metric: _parts(protocol, metric, pair) for metric in protocol.metrics}
     if protocol.sample == "segment":  # each of which counts once
-        parts = {metric: [mean_sample(one) for one in found] for metric, found in parts.items()}
-    return {metric: pooled(found) for metric, found in parts.items()}
+        parts = {metric: [mean_sample(one) for one in samples] for metric, samples in parts.items()}
+    return {metric: pooled(samples) for metric, samples in parts.items()}
 
 
 def values_together(
@@ -85,7 +85,7 @@ def values_together(
     """
     first = min((pair.video_frames[0] for pair in pairs), default=0)
     n_frames = max((pair.video_frames[1] for pair in pairs), default=0) - first
-    found: dict[ProtocolMetric, list[Samples]] = {metric: [] for metric in protocol.metrics}
+    samples: dict[ProtocolMetric, list[Samples]] = {metric: [] for metric in protocol.metrics}
     whole = protocol.model_copy(update={"people": "apart"})
     for start, stop in metrics.segments_of(n_frames, protocol.segment_frames, protocol.remainder):
         pair = _laid_out(pairs, (first + start, first + stop))
@@ -95,8 +95,8 @@ def values_together(
         if protocol.gaps != "kept":
             pair = replace(pair, runs=((0, n_rows),))
         for metric in protocol.metrics:
-            found[metric] += map(mean_sample, _parts(whole, metric, pair, [(0, n_rows)]))
-    return {metric: pooled(parts) for metric, parts in found.items()}
+            samples[metric] += map(mean_sample, _parts(whole, metric, pair, [(0, n_rows)]))
+    return {metric: pooled(parts) for metric, parts in samples.items()}
 
 
 def accelerations_over_clips(
@@ -115,14 +115,14 @@ def accelerations_over_clips(
     both = zip(*(_from_hips(protocol, pair) for pair in pairs), strict=True)
     laid = [np.concatenate(parts) for parts in both]
     ends = np.cumsum([sum(len(pair.true.joints_m) for pair in clip) for clip in clips])
-    found: list[dict[ProtocolMetric, Samples]] = [{} for _ in clips]
+    tables: list[dict[ProtocolMetric, Samples]] = [{} for _ in clips]
     for metric in wanted:
         whole, fps_hz = [(0, int(ends[-1]))], pairs[0].fps_hz
         values = _accelerations(protocol, metric, laid[0], laid[1], whole, fps_hz)
         # A sample is of the last of its three frames.
-        for one, part in zip(found, np.split(values, np.maximum(ends[:-1] - 2, 0)), strict=True):
+        for one, part in zip(tables, np.split(values, np.maximum(ends[:-1] - 2, 0)), strict=True):
             one[metric] = part
-    return found
+    return tables
 
 
 def mean_sample(values: np.ndarray) -> Samples:

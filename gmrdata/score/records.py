@@ -309,12 +309,12 @@ class Scores(ScoreSummary, Record):
         named = (self.camera_motion, self.motion_type, self.subset)
         groups = (*(group for groups in named for group in groups.values()), self.overall)
         figures = [row.protocol for row in (*self.clips, *groups)]
-        for found in (*figures, *(group.protocol_interval95 for group in groups)):
-            if (found is None) != (self.protocol is None):
+        for values in (*figures, *(group.protocol_interval95 for group in groups)):
+            if (values is None) != (self.protocol is None):
                 raise ValueError("`protocol` of a row does not fit that of the file")
-            if found is not None and self.protocol is not None:
-                same_names("protocol.predicted", found.predicted, set(self.protocol.metrics))
-                same_names("protocol.zero", found.zero, set(self.protocol.metrics))
+            if values is not None and self.protocol is not None:
+                same_names("protocol.predicted", values.predicted, set(self.protocol.metrics))
+                same_names("protocol.zero", values.zero, set(self.protocol.metrics))
         return self
 
 

@@ -78,7 +78,7 @@ def find_result_sets(
         raise BadMotionFile(f"{path}: a clip of gmrdata's own. {remedy}")
     read: dict[Path, EstimatedPeople] = {}
     sequences: dict[Path, str] = {}
-    found: dict[tuple[Path, str], dict[str, EstimatedPeople]] = defaultdict(dict)
+    sets: dict[tuple[Path, str], dict[str, EstimatedPeople]] = defaultdict(dict)
     by_id: set[tuple[Path, str]] = set()
     for root, clip, file in _candidates(path, clips, others):
         result = read[file] if file in read else read_system(file, "world")
@@ -88,7 +88,7 @@ def find_result_sets(
             raise BadMotionFile(
                 f"{file}: named after two sequences, {both}. Name it by a clip's id"
             )
-        of_system = found[root, result.system]
+        of_system = sets[root, result.system]
         if (other := of_system.get(clip.id)) and other is not result:
             both = f"{other.files[0]} and {result.files[0]}"
             raise BadMotionFile(
@@ -98,26 +98,26 @@ def find_result_sets(
         if _is_named(file.relative_to(root.parent), clip.id):
             by_id.add((root, clip.id))
     own = _clip_folders(path, clips)
-    if not found and not own:
+    if not sets and not own:
         named = ", ".join(clips[0].names()) if clips else "no clip"
         raise MissingInput(
             f"{path}: no result named after a clip or its sequence ({named}); {RULES}"
         )
-    return _distinct(path, [*_named(path, found, by_id), *own])
+    return _distinct(path, [*_named(path, sets, by_id), *own])
 
 
 def _clip_folders(path: Path, clips: Sequence[ClipName]) -> list[ClipFolder]:
     """The folder and those in it that hold clips, or a folder `predictions` with clips."""
     if not path.is_dir():
         return []
-    found = []
+    folders = []
     for folder in (path, *(one for one in sorted(path.iterdir()) if one.is_dir())):
         for made in (folder, folder / "predictions"):
             if any(npz_format(made / f"{clip.id}.npz") == CLIP_FORMAT for clip in clips):
                 full = made.resolve()
                 name = full.parent.name if full.name == "predictions" else full.name
-                found.append(ClipFolder(name, made))
-    return list({one.folder: one for one in found}.values())
+                folders.append(ClipFolder(name, made))
+    return list({one.folder: one for one in folders}.values())
 
 
 def _distinct(path: Path, sets: Sequence[ResultSet | ClipFolder]) -> list[ResultSet | ClipFolder]:
@@ -210,9 +210,9 @@ def _slahmr_files(folder: Path) -> list[Path]:
     """The result of SLAHMR's last phase and last step."""
     for phase in SLAHMR_PHASES:
         steps = {
-            int(found[1]): file
+            int(match[1]): file
             for file in (folder / phase).glob("*_world_results.npz")
-            if (found := SLAHMR_FILE.fullmatch(file.name))
+            if (match := SLAHMR_FILE.fullmatch(file.name))
         }
         if steps:
             return [steps[max(steps)]]

@@ -310,9 +310,9 @@ def _spread(motion: Motion, has: np.ndarray) -> Motion:
     """A motion of some rows on all of them, NaN in the others."""
 
     def on_all(values: np.ndarray) -> np.ndarray:
-        found = np.full((len(has), *values.shape[1:]), np.nan)
-        found[has] = values
-        return found
+        filled = np.full((len(has), *values.shape[1:]), np.nan)
+        filled[has] = values
+        return filled
 
     return replace(
         motion,

@@ -127,8 +127,8 @@ def plan_scores(
     given = _ScoredOn(Path(manifest_path), None, None, None, None)
     files, skipped, _ = usable_files(given.manifest_path)
     n_frames = sum(file.entry.n_frames for file in files)
-    found = [one.name for one in _sources(predictor, given, config)]
-    return [(name, str(len(files)), str(n_frames), str(len(skipped))) for name in found]
+    names = [one.name for one in _sources(predictor, given, config)]
+    return [(name, str(len(files)), str(n_frames), str(len(skipped))) for name in names]
 
 
 @dataclass(frozen=True)
@@ -157,16 +157,16 @@ def _sources(predictor: Path | str, given: _ScoredOn, config: ScoreConfig) -> li
             raise BadRecipe("--predictions-body: a network's motions are on the clips' own bodies")
         return [network_source(network_dir(predictor), config)]
     (names, others), path = clip_names(given.manifest_path), Path(predictor)
-    found = find_result_sets(path, names, others)
-    check_people(config, names, found)
-    results = [one for one in found if not isinstance(one, ClipFolder)]
+    result_sets = find_result_sets(path, names, others)
+    check_people(config, names, result_sets)
+    results = [one for one in result_sets if not isinstance(one, ClipFolder)]
     check_read(config, "results of other systems" if results else "clips of gmrdata")
     body_path = given.predictions_body_path or given.body_path
-    folders = [one.folder for one in found if isinstance(one, ClipFolder)]
+    folders = [one.folder for one in result_sets if isinstance(one, ClipFolder)]
     sets = ResultSets(path, results, names, given.manifest_path, body_path, config, folders)
     return [
         clips_source(one, config, sets) if isinstance(one, ClipFolder) else sets.source(one)
-        for one in found
+        for one in result_sets
     ]
 
 

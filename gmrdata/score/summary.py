@@ -87,7 +87,7 @@ def paired_difference(
     if n < 2:
         return PairedDifference(n, mean, None, None)
     interval = ratio_interval(differences, np.ones(n), resampled_counts(n, resamples, rng))
-    found = permutation_test(
+    test = permutation_test(
         (other, first),
         lambda a, b, axis: np.mean(a - b, axis=axis),
         permutation_type="samples",
@@ -97,7 +97,7 @@ def paired_difference(
         alternative="two-sided",
         rng=rng,
     )
-    return PairedDifference(n, mean, interval, float(found.pvalue))
+    return PairedDifference(n, mean, interval, float(test.pvalue))
 
 
 T = TypeVar("T")
@@ -201,11 +201,11 @@ def _subsets(
     of_emdb = protocol is not None and protocol.name == "emdb"
     metrics = OWN_SUBSET_METRICS if of_emdb else SUBSET_METRICS
     names = sorted({name for one in scored for name in one.subsets})
-    found = {}
+    groups = {}
     for name in names:
         group = _group([one for one in scored if name in one.subsets], draws)
-        found[name] = _with_figures_of(group, metrics.get(name))
-    return found
+        groups[name] = _with_figures_of(group, metrics.get(name))
+    return groups
 
 
 def _with_figures_of(
@@ -325,8 +325,8 @@ def beside_floor(scores: records.ScoreSummary, floor: Floor) -> records.ScoreSum
 
 def _beside(row: R, camera_motion: str, floor: Floor) -> R:
     group = floor.classes.get(camera_motion)
-    found = None if group is None else _errors_of(group, camera_motion)
-    used = found or _errors_of(floor.overall, "all")
+    of_class = None if group is None else _errors_of(group, camera_motion)
+    used = of_class or _errors_of(floor.overall, "all")
     assert used is not None
     score = row.paper().predicted
     below = tuple(metric for metric in METRICS if score.get(metric) < used.get(metric))

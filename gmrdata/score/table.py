@@ -272,8 +272,8 @@ def _of_protocol(scores: Scores) -> list[str]:
 
 
 def _seen_in(scores: Scores) -> list[str]:
-    found = Counter(clip.seen_in for clip in scores.clips if clip.seen_in is not None)
-    lines = [f"{n} predictions are {SEEN_IN[way]}." for way, n in found.items()]
+    counts = Counter(clip.seen_in for clip in scores.clips if clip.seen_in is not None)
+    lines = [f"{n} predictions are {SEEN_IN[way]}." for way, n in counts.items()]
     in_camera = set(get_args(CameraMetric)) & set(metrics_with(scores.protocol))
     unseen = [clip for clip in scores.clips if clip.seen_in is None and _has_figures(clip)]
     if in_camera and unseen:
