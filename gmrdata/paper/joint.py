@@ -69,22 +69,22 @@ def load_features(folder: Path, clip: Clip) -> np.ndarray:
     path = folder / f"{clip.id}.npz"
     if not path.is_file():
         raise MissingInput(f"{path}: no image features of clip {clip.id}; write `{KEY}` (T, D)")
-    found = read_npz(path).get(KEY)
+    features = read_npz(path).get(KEY)
     n = clip.motion.n_frames
-    if found is None or found.dtype.kind != "f" or found.ndim != 2 or len(found) != n:
-        shape = "none" if found is None else f"{found.dtype} of shape {found.shape}"
+    if features is None or features.dtype.kind != "f" or features.ndim != 2 or len(features) != n:
+        shape = "none" if features is None else f"{features.dtype} of shape {features.shape}"
         raise BadFeatures(f"{path}: {KEY} is {shape}, expected numbers of shape ({n}, D)")
-    if not found.shape[1]:
+    if not features.shape[1]:
         raise BadFeatures(f"{path}: {KEY} has no columns")
     with np.errstate(over="ignore"):  # what float32 can't hold becomes infinite
-        found = found.astype(np.float32)
-    bad = np.flatnonzero(clip.valid & ~np.isfinite(found).all(axis=1))
+        features = features.astype(np.float32)
+    bad = np.flatnonzero(clip.valid & ~np.isfinite(features).all(axis=1))
     if len(bad):
         raise BadFeatures(
             f"{path}: row {bad[0]} holds NaN or infinite numbers ({len(bad)} rows in all), and clip"
             f" {clip.id} has it as valid. Compute them again, or drop the rows in the manifest"
         )
-    return found
+    return features
 
 
 def rows_per_frame(clip: Clip, fps_hz: float) -> int:
@@ -186,7 +186,7 @@ def predict_joint(
 
     def work(partial_dir: Path) -> None:
         model, bodies = load_joint(run_dir), load_bodies(body_path)
-        found = []
+        predicted = []
         for one in subjects:
             features = load_features(features_dir, one.clip)
             if features.shape[1] != model.n_features:
@@ -195,10 +195,10 @@ def predict_joint(
                 raise BadFeatures(f"{path}: {what}. Give those it was trained on")
             whose, remedy = f"clip {one.clip.id}: of", "Give the clips' own body"
             body = given_body(one.clip.motion, bodies, BadMotionFile, whose, remedy)
-            found.append(seen_in_features(model, one, features, body))
+            predicted.append(seen_in_features(model, one, features, body))
         kind = predictions.NetworkPredictions
         figures = predictions.NetworkFigures(run=run_dir.resolve().name)
-        predictions.write_predictions(partial_dir, "joint", found, left_out, kind, figures)
+        predictions.write_predictions(partial_dir, "joint", predicted, left_out, kind, figures)
 
     # There is nothing to choose: the frame rate is the network's.
     return run_stage("baseline-joint", out_dir, Config(), inputs, work, run=run)
@@ -242,8 +242,8 @@ def _seen(model: JointModel, features: np.ndarray) -> tuple[np.ndarray, np.ndarr
 
     def orthonormal(rotmats: torch.Tensor) -> np.ndarray:
         flat = rotmats[0].double().numpy().reshape(-1, 3, 3)
-        found: np.ndarray = flat if not len(flat) else Rotation.from_matrix(flat).as_matrix()
-        return found.reshape(rotmats.shape[1:])
+        nearest: np.ndarray = flat if not len(flat) else Rotation.from_matrix(flat).as_matrix()
+        return nearest.reshape(rotmats.shape[1:])
 
     return (
         orthonormal(output.local_rotmats),

@@ -213,13 +213,13 @@ def _row(
 def _over_seeds(
     scores: Sequence[Scores], method: Method, row: RecipeRow | None = None
 ) -> PaperMetrics[comparison.OverSeeds]:
-    found = {}
+    by_metric = {}
     for metric in METRICS:
         values = tuple(clip_figure(metric, one, method, row) for one in scores)
         spread = statistics.stdev(values) if len(values) > 1 else None
         mean = statistics.fmean(values)
-        found[metric] = comparison.OverSeeds(mean=mean, spread=spread, by_seed=values)
-    return PaperMetrics(**found)
+        by_metric[metric] = comparison.OverSeeds(mean=mean, spread=spread, by_seed=values)
+    return PaperMetrics(**by_metric)
 
 
 def clip_figure(metric: Metric, scores: Scores, method: Method, row: RecipeRow | None) -> float:

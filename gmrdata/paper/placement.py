@@ -180,7 +180,7 @@ def place(
     if not in_front:
         return None
     seen = _Reprojection(joints_m, points_px, np.sqrt(confidence)[:, None], intrinsics_px)
-    found = least_squares(
+    solution = least_squares(
         seen.residuals,
         min(in_front, key=lambda start: _huber(seen.residuals(start), config.robust_px)),
         jac=seen.jacobian,
@@ -192,8 +192,8 @@ def place(
         xtol=1e-12,
         gtol=1e-12,
     )
-    at_the_camera = found.active_mask[2] != 0
-    return None if at_the_camera or not found.success else np.asarray(found.x)
+    at_the_camera = solution.active_mask[2] != 0
+    return None if at_the_camera or not solution.success else np.asarray(solution.x)
 
 
 def used_joints(points: np.ndarray, config: PlacementConfig) -> np.ndarray:

@@ -222,11 +222,11 @@ def joint_config(recipe: TableRecipe, row: RecipeRow, scale: ScaleName, seed: in
 
 def merged(base: Mapping[str, Any], over: Mapping[str, Any]) -> Settings:
     """Nested settings with others laid over them."""
-    found = {**base, **over}
+    settings = {**base, **over}
     for key in base.keys() & over.keys():
         if isinstance(base[key], Mapping) and isinstance(over[key], Mapping):
-            found[key] = merged(base[key], over[key])
-    return found
+            settings[key] = merged(base[key], over[key])
+    return settings
 
 
 def _settings_of(row: RecipeRow, scale: ScaleName) -> Settings:

@@ -102,13 +102,13 @@ def find_manifest(path: Path) -> Path:
     """The manifest itself, or the only one of kind `pseudo_gt` right in a folder."""
     if not path.is_dir():
         return path
-    found = [file for file in sorted(path.glob("*.yaml")) if _kind(file) == "pseudo_gt"]
-    if not found:
+    manifests = [file for file in sorted(path.glob("*.yaml")) if _kind(file) == "pseudo_gt"]
+    if not manifests:
         raise MissingInput(f"{path}: holds no manifest (.yaml) of kind pseudo_gt")
-    if len(found) > 1:
-        names = ", ".join(file.name for file in found)
+    if len(manifests) > 1:
+        names = ", ".join(file.name for file in manifests)
         raise BadManifest(f"{path}: several manifests of kind pseudo_gt: {names}; name one")
-    return found[0]
+    return manifests[0]
 
 
 def _clips_of_3dpw(path: Path) -> list[ClipEntry]:
@@ -163,20 +163,20 @@ def summary(rows: Sequence[ComparedRow]) -> str:
     """One line: how many rows of Table 7 we have, agree with (in the class of all our people of it)
     and cover (a frame is, if an accepted clip of anybody keeps it)."""
     listed = {row.listed.id: row.listed for row in rows if row.listed is not None}
-    ours: dict[str, list[ComparedRow]] = {name: [] for name in listed}
+    by_id: dict[str, list[ComparedRow]] = {name: [] for name in listed}
     for row in rows:
         if row.listed is not None and row.clip is not None:
-            ours[row.listed.id].append(row)
-    found = [people for people in ours.values() if people]
-    accepted = sum(any(row.verdict == "accepted" for row in people) for people in found)
-    agree = sum(all(row.same_class for row in people) for people in found)
+            by_id[row.listed.id].append(row)
+    ours = [people for people in by_id.values() if people]
+    accepted = sum(any(row.verdict == "accepted" for row in people) for people in ours)
+    agree = sum(all(row.same_class for row in people) for people in ours)
     total = sum(n_frames([row.frames]) for row in listed.values())
-    covered = sum(_covered(people) for people in found)
+    covered = sum(_covered(people) for people in ours)
     share = f" ({100 * covered / total:.1f} %)" if total else ""
     others = len({row.sequence for row in rows if row.listed is None})
     return (
-        f"Table 7: {len(listed)} rows, {len(found)} in our manifest, {accepted} accepted; the "
-        f"camera's class agrees in {agree} of {len(found)}; {covered} of {total} frames{share} are "
+        f"Table 7: {len(listed)} rows, {len(ours)} in our manifest, {accepted} accepted; the "
+        f"camera's class agrees in {agree} of {len(ours)}; {covered} of {total} frames{share} are "
         f"kept in accepted clips; sequences of ours that it lacks: {others}"
     )
 

@@ -117,15 +117,15 @@ def predict_vibe_cam(
         for one in track(subjects, "placing people", total=len(subjects)):
             id = one.clip.id
             posed, body = load_poses(inputs[f"poses_{id}"], one.clip, bodies)
-            found = clip_keypoints(
+            keypoints = clip_keypoints(
                 one.clip,
                 inputs[f"keypoints_{id}"],
                 person_id=config.person_ids.get(id),
                 image_size_px=config.image_size_px,
             )
             intrinsics_px = camera_of(one.clip).intrinsics_px
-            placed = place_person(posed, found, intrinsics_px, body, config.placement)
-            made.append(_prediction(one, posed, placed, found, body))
+            placed = place_person(posed, keypoints, intrinsics_px, body, config.placement)
+            made.append(_prediction(one, posed, placed, keypoints, body))
         predictions.write_predictions(partial_dir, "vibe_cam", made, left_out, VibeCamPredictions)
 
     return run_stage("baseline-vibe-cam", out_dir, config, inputs, work, run=run)
@@ -201,10 +201,10 @@ def infer_poses(
         gmr = load_gmr(run_dir)
         bodies = load_bodies(body_path)
         seen = (load_poses(inputs[f"poses_{one.clip.id}"], one.clip, bodies) for one in subjects)
-        found = [_moved(gmr, one, *posed) for one, posed in zip(subjects, seen, strict=True)]
+        predicted = [_moved(gmr, one, *posed) for one, posed in zip(subjects, seen, strict=True)]
         kind = predictions.NetworkPredictions
         figures = predictions.NetworkFigures(run=run_dir.resolve().name)
-        predictions.write_predictions(partial_dir, "gmr", found, left_out, kind, figures)
+        predictions.write_predictions(partial_dir, "gmr", predicted, left_out, kind, figures)
 
     # There is nothing to choose.
     return run_stage("gmr-on-poses", out_dir, Config(), inputs, work, run=run)
