@@ -353,11 +353,11 @@ def _write_cameras(out_dir: Path, images: Path, fps_hz: float) -> None:
     """Cameras alone, in the frames that the verdict keeps, as a COLMAP model and as TUM's
     trajectory, in their own unit and world."""
     sfm_dir, model = out_dir / SFM, Unit("colmap", "", out_dir / FILES / "colmap", ())
-    found = load_background(sfm_dir, None)
-    known = found.camera.has_camera & kept_images(sfm_dir, found.image_numbers)
-    found = replace(found, camera=replace(found.camera, has_camera=known))
-    names, points = seen_points(found, sfm_dir, "keyframes")
+    solved = load_background(sfm_dir, None)
+    known = solved.camera.has_camera & kept_images(sfm_dir, solved.image_numbers)
+    solved = replace(solved, camera=replace(solved.camera, has_camera=known))
+    names, points = seen_points(solved, sfm_dir, "keyframes")
     with _whole(model) as partial:
-        write_background(partial, found, names, points, images)
-    times_s = times_of(images, found.image_numbers, fps_hz)[known]
-    write_tum(out_dir / FILES / "tum" / "camera.txt", found.camera.world_from_cam[known], times_s)
+        write_background(partial, solved, names, points, images)
+    times_s = times_of(images, solved.image_numbers, fps_hz)[known]
+    write_tum(out_dir / FILES / "tum" / "camera.txt", solved.camera.world_from_cam[known], times_s)

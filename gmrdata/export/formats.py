@@ -170,17 +170,17 @@ def export_colmap(clips: Sequence["ExportedClip"], options: ExportOptions) -> Wr
         what = "its scale is not known: the model is in the unit and world of its reconstruction"
         remark(f"{exported.sequence}: {what}")
         world_of = None
-    found = load_background(exported.sfm_dir, world_of)
-    known = found.camera.has_camera & kept_images(exported.sfm_dir, found.image_numbers)
-    found = replace(found, camera=replace(found.camera, has_camera=known))
+    background = load_background(exported.sfm_dir, world_of)
+    known = background.camera.has_camera & kept_images(exported.sfm_dir, background.image_numbers)
+    background = replace(background, camera=replace(background.camera, has_camera=known))
     if options.observations == "none":
         numbers = exported.clip.image_numbers.tolist()
         name_of = dict(zip(numbers, _image_names(exported), strict=True))
-        names = [name_of.get(number) for number in found.image_numbers.tolist()]
-        points = replace(NO_POINTS, world_m=found.points_m)
+        names = [name_of.get(number) for number in background.image_numbers.tolist()]
+        points = replace(NO_POINTS, world_m=background.points_m)
     else:
-        names, points = seen_points(found, exported.sfm_dir, options.observations)
-    return lambda path: write_background(path, found, names, points, exported.images_dir)
+        names, points = seen_points(background, exported.sfm_dir, options.observations)
+    return lambda path: write_background(path, background, names, points, exported.images_dir)
 
 
 def seen_points(

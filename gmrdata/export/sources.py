@@ -74,13 +74,13 @@ class ExportedClip(UnreadClip):
         """The person's body; MissingInput where it is not at hand, BadBodyFile for another one."""
         wanted, shape = self.clip.motion.body, self.clip.motion.shape
         # Of two with one name the nearer one, which stands first.
-        found = {body.name: body for body in map(load_body_once, reversed(self.body_names))}
-        if wanted not in found:
-            there = f"; there are {', '.join(found)}" if found else ""
+        bodies = {body.name: body for body in map(load_body_once, reversed(self.body_names))}
+        if wanted not in bodies:
+            there = f"; there are {', '.join(bodies)}" if bodies else ""
             raise MissingInput(
                 f"clip {self.id} needs the body {wanted}{there}. Give it with --body"
             )
-        body, far_m = found[wanted], np.inf
+        body, far_m = bodies[wanted], np.inf
         if body_of(self.clip.motion, [body]) is not None:
             body = sized(body, len(shape))
             far_m = float(np.abs(body.rest_pelvis_m(shape) - self.rest_pelvis_m).max())
@@ -121,15 +121,15 @@ def images_by_number(folder: Path, suffixes: Collection[str] = IMAGE_SUFFIXES) -
     """
     if not folder.is_dir():
         raise MissingInput(f"{folder}: no such folder of images")
-    found: dict[int, Path] = {}
+    images: dict[int, Path] = {}
     for path in sorted(visible(folder.iterdir())):
         number = number_in_name(path.name)
         if number is None or path.suffix.lower() not in suffixes:
             continue
-        if (other := found.setdefault(number, path)) is not path:
+        if (other := images.setdefault(number, path)) is not path:
             what = f"two images have the number {number}, {other.name} and {path.name}"
             raise BadFrames(f"{folder}: {what}. Keep other pictures in another folder")
-    return found
+    return images
 
 
 def list_clips(source: Path, ids: Sequence[str] = ()) -> list[UnreadClip]:
@@ -142,13 +142,13 @@ def list_clips(source: Path, ids: Sequence[str] = ()) -> list[UnreadClip]:
         MissingInput: no such file, folder or clip.
         BadManifest: the manifest is broken, only lists clips, or two clips have one name.
     """
-    found = list(_clips_of(source))
-    if unknown := sorted(set(ids) - {files.id for files in found}):
-        known = ", ".join(files.id for files in found)
+    clips = list(_clips_of(source))
+    if unknown := sorted(set(ids) - {files.id for files in clips}):
+        known = ", ".join(files.id for files in clips)
         raise MissingInput(f"{source}: no clip {', '.join(unknown)}; there are {known}")
-    if repeated := [name for name, n in Counter(files.id for files in found).items() if n > 1]:
+    if repeated := [name for name, n in Counter(files.id for files in clips).items() if n > 1]:
         raise BadManifest(f"{source}: several clips have the name {repeated[0]}; rename them")
-    return [files for files in found if not ids or files.id in ids]
+    return [files for files in clips if not ids or files.id in ids]
 
 
 def load_exported(

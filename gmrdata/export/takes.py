@@ -69,11 +69,11 @@ def _in_rows_of(clip: Clip, truth: Clip) -> Clip:
     rows, true_rows = paired_rows(clip, truth)
     taken, there = np.zeros(clip.motion.n_frames, dtype=int), np.zeros(len(clip.valid), dtype=bool)
     taken[rows], there[rows] = true_rows, True
-    found = truth.take(taken)
-    camera, valid = found.camera, found.valid & there
+    paired = truth.take(taken)
+    camera, valid = paired.camera, paired.valid & there
     if camera is not None:
         camera = replace(camera, has_camera=camera.has_camera & there)
-    return replace(found, valid=valid, image_numbers=clip.image_numbers, camera=camera)
+    return replace(paired, valid=valid, image_numbers=clip.image_numbers, camera=camera)
 
 
 def _same_body(exported: ExportedClip, other: Clip) -> BodyModel:
