@@ -72,9 +72,9 @@ def write_set_pages(recipe: ThreedpwRecipe, root: Path, out_dir: Path) -> None:
     paths = SetPaths(out_dir.resolve())
     if not paths.verdicts.is_file():
         return
-    verdicts, (found, reasons) = Verdicts.read(paths.verdicts).sequences, choose(root, ())
+    verdicts, (sequences, reasons) = Verdicts.read(paths.verdicts).sequences, choose(root, ())
     names = {verdict.sequence for verdict in verdicts}
-    chosen = [files for files in found if files.name in names]
+    chosen = [files for files in sequences if files.name in names]
     for files in chosen:
         failure = paths.failures_dir / f"{files.name}.txt"
         if failure.is_file():
@@ -119,9 +119,9 @@ def write_pages(
     for verdict in track(verdicts, "drawing a page for each sequence", total=len(verdicts)):
         name, group = verdict.sequence, rows["Accepted" if verdict.accepted else "Rejected"]
         message = reasons.get(name, "")
-        found = gather_sequence(verdict, message, files_of.get(name), recipe, paths)
-        group.append(_write_page(found, paths))
-        n_frames += found.n_frames
+        sequence = gather_sequence(verdict, message, files_of.get(name), recipe, paths)
+        group.append(_write_page(sequence, paths))
+        n_frames += sequence.n_frames
     links = [("pseudo_gt.yaml", "Manifest")] if paths.manifest.is_file() else []
     caption = "Kept: share of the frames of all people. Scale: metres per unit, ± standard error."
     about = {
@@ -225,8 +225,8 @@ def image_numbers(files: SequenceFiles) -> list[int]:
         require_inside(files.root, files.image_dir)
     except GmrdataError:
         return []
-    found = [number_in_name(path.name) for path in files.image_dir.glob("image_*.jpg")]
-    return sorted(number for number in found if number is not None)
+    numbers = [number_in_name(path.name) for path in files.image_dir.glob("image_*.jpg")]
+    return sorted(number for number in numbers if number is not None)
 
 
 def read_tile(files: SequenceFiles, masks_dir: Path, number: int) -> Tile:

@@ -62,11 +62,11 @@ def read_fused(folder: Path) -> FusedPeople:
 def write_fusion_page(folder: Path) -> Path:
     """Write `fusion.html` beside `fusion.json`; the path of the page."""
     remove_orphans(folder)
-    found = read_fused(folder)
+    fused = read_fused(folder)
     lead = (
-        f"Camera poses and the motions of GMR {found.record.network}, put together frame by frame."
+        f"Camera poses and the motions of GMR {fused.record.network}, put together frame by frame."
     )
-    shown = {"title": "Cameras and network together", "lead": lead, "fused": fused_shown(found)}
+    shown = {"title": "Cameras and network together", "lead": lead, "fused": fused_shown(fused)}
     return write_page(folder / "fusion.html", render("fusion", **shown))
 
 

@@ -140,7 +140,7 @@ def gather_video(
     config = reader.read(config_of, pseudo_gt_dir, has_people)
     config = config or with_lens_error(PseudoGtConfig(), lens)  # of cameras alone none is kept
     judged = record is not None and bool(record.people)  # their motions may be lost
-    found = SolvedSequence(
+    sequence = SolvedSequence(
         name=folder.name,
         folder=folder,
         record=record,
@@ -156,18 +156,18 @@ def gather_video(
     if record is None and has_people:
         verdict = None  # The cameras' verdict must not stand for that on the people.
     else:
-        verdict = said.camera if said is not None else _judge(reader, found)
-    if verdict is not None and found.is_alone and found.camera is not None:
+        verdict = said.camera if said is not None else _judge(reader, sequence)
+    if verdict is not None and sequence.is_alone and sequence.camera is not None:
         n_frames = len(verdict.frame_reasons)
-        if not _are_same(reader, verdict_path, n_frames, found.camera.n_frames):
+        if not _are_same(reader, verdict_path, n_frames, sequence.camera.n_frames):
             verdict = None
-    found = replace(found, camera_verdict=verdict, reasons=_reasons(record, verdict))
+    sequence = replace(sequence, camera_verdict=verdict, reasons=_reasons(record, verdict))
     said_hz = (0.0 if said is None else said.fps_hz) or UNKNOWN_FPS_HZ
     frames_dir = folder / FRAMES if images_dir is None else images_dir
-    found = _with_frames(reader, found, frames_dir, said_hz)
+    sequence = _with_frames(reader, sequence, frames_dir, said_hz)
     people_dir = folder / (PSEUDO_GT if fused is None else FUSED)
     people = _people(reader, people_dir, images_dir, body, clips) if clips else ()
-    return replace(found, people=people, missing=tuple(reader.missing))
+    return replace(sequence, people=people, missing=tuple(reader.missing))
 
 
 def gather_sequence(
@@ -224,15 +224,15 @@ def _fused(fused_dir: Path, clips: Mapping[int, Clip]) -> "FusedPeople":
     # Here, since it loads torch, which the page of cameras alone does without.
     from gmrdata.pages.fusion import read_fused
 
-    found = read_fused(fused_dir)
+    fused = read_fused(fused_dir)
     ours, theirs = (
         {person: clip.image_numbers.tolist() for person, clip in of.items()}
-        for of in (clips, found.clips)
+        for of in (clips, fused.clips)
     )
     if ours != theirs:
         what = f"is of other people or frames than {PSEUDO_GT}"
         raise BadRecord(f"{fused_dir}: {what}; {MAKE_AGAIN}")
-    return found
+    return fused
 
 
 def _in_their_time(
@@ -324,12 +324,12 @@ def _mask(masks_dir: Path, image: Path) -> Path:
 
 def _images(reader: Reader, frames_dir: Path, numbers: np.ndarray) -> tuple[Path | None, ...]:
     """The image of each of T frames; a link out of the folder is none."""
-    found = reader.read(images_by_number, frames_dir) or {}
+    images = reader.read(images_by_number, frames_dir) or {}
     root, wanted = frames_dir.resolve(), numbers.tolist()
-    inside = {n: path for n, path in found.items() if path.resolve().is_relative_to(root)}
-    if len(inside) < len(found):
-        reader.note(f"{frames_dir}: {len(found) - len(inside)} images are links out of it")
-    if found and (lacking := [n for n in wanted if n >= 0 and n not in found]):
+    inside = {n: path for n, path in images.items() if path.resolve().is_relative_to(root)}
+    if len(inside) < len(images):
+        reader.note(f"{frames_dir}: {len(images) - len(inside)} images are links out of it")
+    if images and (lacking := [n for n in wanted if n >= 0 and n not in images]):
         reader.note(f"{frames_dir}: no image of number {some(lacking)}")
     return tuple(map(inside.get, wanted))
 

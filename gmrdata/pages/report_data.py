@@ -106,9 +106,9 @@ NO_FIGURE = "–"
 
 def verdicts(figures: ClipAccuracy) -> dict[str, bool]:
     """Which figures of a clip keep to their thresholds; `frames_with_camera` means every frame."""
-    found = {key: getattr(figures, key) for key in THRESHOLDS}
+    values = {key: getattr(figures, key) for key in THRESHOLDS}
     met = {
-        key: abs(value) <= THRESHOLDS[key] for key, value in found.items() if value is not None
+        key: abs(value) <= THRESHOLDS[key] for key, value in values.items() if value is not None
     }  # a NaN compares as False, so it never keeps to one
     return met | {"frames_with_camera": figures.frames_with_camera == figures.frames}
 

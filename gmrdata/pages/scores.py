@@ -75,8 +75,8 @@ def _page(names: Sequence[str], records: Sequence[Scores], title: str, **shown: 
 def plot_over_time(plot: Figure, names: Sequence[str], records: Sequence[Scores]) -> None:
     """The runs' curves with their intervals, and in grey zero motion on the first one's clips."""
     axes = plot.subplots()
-    found = records[0].over_time
-    (zero,) = axes.plot(found.times_s, found.zero.vertex_mm, label="zero motion")
+    first = records[0].over_time
+    (zero,) = axes.plot(first.times_s, first.zero.vertex_mm, label="zero motion")
     zero.set(color=COLOURS["muted"], linewidth=1.2, linestyle=(0, (4, 3)))
     for number, (name, scores) in enumerate(zip(names, records, strict=True)):
         times_s, curve = scores.over_time.times_s, scores.over_time.predicted

@@ -44,16 +44,16 @@ class Reconstruction:
     def errors_px(self) -> np.ndarray:
         """(M,) mean reprojection error of what each image sees [px]; NaN where nothing is known."""
         path, tracks = self.cameras.path, self.tracks
-        found = np.full(path.n_frames, np.nan)
+        mean_px = np.full(path.n_frames, np.nan)
         if tracks is None or self.quality is None:
-            return found
+            return mean_px
         lens, matrix = self.quality.lens, path.intrinsics_px
         each_px = errors_px(tracks, self.points, path.world_from_cam, matrix, lens)
         known = np.isfinite(each_px)
         n, rows = path.n_frames, tracks.rows[known]
         counts, sums = np.bincount(rows, minlength=n), np.bincount(rows, each_px[known], n)
-        found[counts > 0] = sums[counts > 0] / counts[counts > 0]
-        return found
+        mean_px[counts > 0] = sums[counts > 0] / counts[counts > 0]
+        return mean_px
 
 
 @dataclass(frozen=True, eq=False)

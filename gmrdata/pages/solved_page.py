@@ -140,10 +140,10 @@ def make_video_page(
         MissingInput: `out_dir` holds neither.
     """
     out_dir = out_dir.resolve()
-    found = gather_video(out_dir, images_dir, body)
+    sequence = gather_video(out_dir, images_dir, body)
     remove_orphans(out_dir)
     page = out_dir / PAGE
-    write_page(page, solved_page(found, page, left_out=left_out))
+    write_page(page, solved_page(sequence, page, left_out=left_out))
     return page
 
 
