@@ -140,24 +140,24 @@ def choose_files(
         fitting = (file for file, reading in read if reading and _fits(reading, recipe.film))
         filmed = tuple(islice(fitting, n_clips))
     if len(filmed) != n_clips:
-        found = f"the recipe films {n_clips} motions, but {len(filmed)} of {len(files)} files were"
+        counts = f"the recipe films {n_clips} motions, but {len(filmed)} of {len(files)} files were"
         least = f"at least {_shortest_s(recipe.film):g} s, {_slowest_hz(recipe.film):g} Hz"
         fit = f"found to fit: {least} and {LEAST_TRAVEL_M:g} m, at most {WIDEST_M:g} m"
         how = "named" if trials else fit
-        raise MissingInput(f"{folder}: {found} {how}. Name {n_clips} with --trials")
+        raise MissingInput(f"{folder}: {counts} {how}. Name {n_clips} with --trials")
     others = tuple(file for file in files if file not in filmed)
     return MotionFiles(filmed, others[: recipe.training.max_files])
 
 
 def _named(trial: str, files: Sequence[LibraryFile], folder: Path) -> LibraryFile:
     """The file of a clip's id, which tells namesakes apart, or of a name without suffix."""
-    found = [file for file in files if file.id == trial]
-    if not (found := found or [file for file in files if file.path.stem == trial]):
+    matches = [file for file in files if file.id == trial]
+    if not (matches := matches or [file for file in files if file.path.stem == trial]):
         raise MissingInput(f"{folder}: no motion file named {trial} (.bvh, .amc or .npz)")
-    if len(found) > 1:
-        ids = ", ".join(file.id for file in found)
+    if len(matches) > 1:
+        ids = ", ".join(file.id for file in matches)
         raise BadRecipe(f"--trials {trial}: {folder} has several. Name one of {ids}")
-    return found[0]
+    return matches[0]
 
 
 def _readable(file: LibraryFile, body: BodyModel) -> FileReading | None:

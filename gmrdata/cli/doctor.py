@@ -167,11 +167,11 @@ def _packages() -> Iterator[Finding]:
         wanted = Requirement(line)
         if wanted.marker is not None and not wanted.marker.evaluate({"extra": ""}):
             continue
-        found = _version(wanted.name)
-        good = found is not None and wanted.specifier.contains(found, prereleases=True)
-        state: State = "there" if good else "missing" if found is None else "broken"
+        version = _version(wanted.name)
+        good = version is not None and wanted.specifier.contains(version, prereleases=True)
+        state: State = "there" if good else "missing" if version is None else "broken"
         note = "" if good else f"pip install '{wanted.name}{wanted.specifier}'"
-        yield Finding("packages", wanted.name, state, found or "", note, required=True)
+        yield Finding("packages", wanted.name, state, version or "", note, required=True)
 
 
 def _version(package: str) -> str | None:
@@ -183,13 +183,13 @@ def _version(package: str) -> str | None:
 
 def _extras(loaded: Loaded) -> Iterator[Finding]:
     for name, extra in EXTRAS.items():
-        found, why_not = _version(extra.package), loaded[0].get(extra.module) or ""
-        if found is None:
+        version, why_not = _version(extra.package), loaded[0].get(extra.module) or ""
+        if version is None:
             note = f"{extra.enables}. pip install {extra.package}"
             yield Finding("extras", name, "missing", "", note)
         else:
             state: State = "broken" if why_not else "there"
-            yield Finding("extras", name, state, f"{extra.package} {found}", why_not)
+            yield Finding("extras", name, state, f"{extra.package} {version}", why_not)
 
 
 def _loaded(process: subprocess.Popen[str], names: Sequence[str]) -> Loaded:
@@ -239,7 +239,7 @@ def _blender(process: subprocess.Popen[str] | BlenderMissing) -> Finding:
             remedy = f"apt-get install --no-install-recommends {packages}"
         return Finding("blender", "Blender", "broken", why_not, f"{what}. {remedy}", required=True)
     versions = environment.versions_said([said])
-    names = [f"{name} {found}" for name, found in versions.items() if name != "bpy"]
+    names = [f"{name} {version}" for name, version in versions.items() if name != "bpy"]
     note = f"{', '.join(names)} in {environment.blender_python()}"
     return Finding("blender", "Blender", "there", versions["bpy"], note, required=True)
 
@@ -286,7 +286,7 @@ def _machine() -> Iterator[Finding]:
 def _disk(name: str, folder: Path) -> Finding:
     """Free space of a folder, or of where it would be made, and whether it may be written to."""
     there = next(path for path in (folder, *folder.absolute().parents) if path.is_dir())
-    found = f"{shutil.disk_usage(there).free / 2**30:.1f} GiB free in {folder}"
+    free = f"{shutil.disk_usage(there).free / 2**30:.1f} GiB free in {folder}"
     if os.access(there, os.W_OK):
-        return Finding("disk", name, "there", found)
-    return Finding("disk", name, "broken", found, "may not be written to")
+        return Finding("disk", name, "there", free)
+    return Finding("disk", name, "broken", free, "may not be written to")

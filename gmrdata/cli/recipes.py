@@ -209,16 +209,16 @@ def _folders_of_scores(manifests: Sequence[Path]) -> dict[str, Path]:
 
     Asked before the training, which takes long.
     """
-    found: dict[str, Path] = {}
+    by_folder: dict[str, Path] = {}
     stems = [path.stem for path in manifests]
     for path in manifests:
         if not path.is_file():
             raise MissingInput(f"{path}: no such manifest, which the recipe names in `scored`")
         alone = stems.count(path.stem) == 1
         name = path.stem if alone else f"{path.resolve().parent.name}_{path.stem}"
-        if name in found:
+        if name in by_folder:
             raise BadRecipe(
-                f"`scored` names {found[name]} and {path}: their scores are both {name}"
+                f"`scored` names {by_folder[name]} and {path}: their scores are both {name}"
             )
-        found[name] = path
-    return found
+        by_folder[name] = path
+    return by_folder

@@ -57,16 +57,16 @@ def _parted(arguments: Sequence[str]) -> list[str]:
 
     A value like -y stays with its flag: alone it would be taken for one.
     """
-    found = []
+    parts = []
     for argument in arguments:
         if not argument.startswith("--"):
-            found.append(argument)
+            parts.append(argument)
             continue
         flag, equals, value = argument.partition("=")
         flag = flag.replace("_", "-")
         joined = not equals or value.startswith("-")
-        found += [f"{flag}{equals}{value}"] if joined else [flag, value]
-    return found
+        parts += [f"{flag}{equals}{value}"] if joined else [flag, value]
+    return parts
 
 
 def _values(typed: Sequence[str]) -> dict[str, str]:

@@ -345,15 +345,15 @@ def _show_videos(out: Path, *, as_json: bool) -> None:
     if as_json:
         answer_json({"out": str(out), "page": str(page)} | record.model_dump(mode="json"))
         return
-    counts = {state: record.in_state(state) for state in ("accepted", "rejected", "failed")}
+    by_state = {state: record.in_state(state) for state in ("accepted", "rejected", "failed")}
     rows = [
         (one.name, state, str(one.frames), str(one.people), "; ".join(one.reasons))
         for state in ("rejected", "failed")
-        for one in counts[state]
+        for one in by_state[state]
     ]
     if rows:
         print_table(HEADINGS, rows)
-    answer(", ".join(f"{len(found)} {state}" for state, found in counts.items()))
+    answer(", ".join(f"{len(videos)} {state}" for state, videos in by_state.items()))
     answer(page)
     answer(out / RECORD_FILE)
 
