@@ -521,7 +521,7 @@ def test_it_finds_what_the_tests_run_with(works, empty_cache, monkeypatch):
     assert parts["SMPL"]["state"] == "missing"
     assert f"free in {empty_cache}" in parts["cache"]["found"]
     # The same as a table, with its remedies.
-    monkeypatch.setattr(doctor, "find_parts", lambda: [doctor.Part(**p) for p in parts.values()])
+    monkeypatch.setattr(doctor, "find_parts", lambda: [doctor.Finding(**p) for p in parts.values()])
     table = works("doctor")
     said = " ".join(table.stdout.split())  # a note may take several lines
     assert "gmrdata fetch models" in said and "All that" in said
@@ -537,7 +537,7 @@ def test_every_extra_of_users_is_looked_for():
 
 
 def test_a_missing_required_part_ends_with_1(gmrdata, monkeypatch):
-    part = doctor.Part("packages", "torch", "missing", "", "pip install 'torch>=2.4'", True)
+    part = doctor.Finding("packages", "torch", "missing", "", "pip install 'torch>=2.4'", True)
     monkeypatch.setattr(doctor, "find_parts", lambda: [part])
     for flags in ((), ("--json",)):
         said = gmrdata("doctor", *flags)
@@ -577,7 +577,7 @@ def test_blender_setup_says_what_it_made_or_why_that_does_not_start(
 ):
     asked = Mock(return_value=tmp_path)
     monkeypatch.setattr(doctor.environment, "set_up", asked)
-    part = doctor.Part("blender", "Blender", "there", "5.0.1", "python 3.11.7 in /there")
+    part = doctor.Finding("blender", "Blender", "there", "5.0.1", "python 3.11.7 in /there")
     monkeypatch.setattr(doctor, "blender_part", lambda: part)
     said = works("blender", "setup", "--python", "3.13", "--redo")
     assert said.stdout == "Blender 5.0.1: python 3.11.7 in /there\n"
