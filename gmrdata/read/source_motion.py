@@ -224,8 +224,8 @@ def rate_of_frame_time_hz(text: str, path: Path, line_number: int) -> float:
         raise bad_line(path, line_number, f"{what}; give the true rate with --fps-hz")
     mantissa, _, exponent = text.strip().lower().partition("e")
     decimals = len(mantissa.partition(".")[2]) - (int(exponent) if exponent else 0)
-    # 1/256 lies exactly in the middle of two numbers of 7 digits; what is computed, beside it.
-    half_step_s = 0.5 * 10.0**-decimals * (1 + 1e-6)
+    # Many programs print single precision; and 1/256 lies exactly between two numbers of 7 digits.
+    half_step_s = (0.5 * 10.0**-decimals + np.spacing(np.float32(frame_time_s)) / 2) * (1 + 1e-6)
     # Rates as people write them: whole, a television's, or with few decimals.
     whole_hz, *decimal_hz = (round(1 / frame_time_s, n) for n in range(4))
     televisions_hz = round(1.001 / frame_time_s) * 1000 / 1001
