@@ -15,6 +15,7 @@ from gmrdata.values.errors import BadManifest, BadMotionFile, BadRecipe, Gmrdata
 
 if TYPE_CHECKING:
     from gmrdata.motion.library import MotionTable
+    from gmrdata.read.source_motion import ReadConfig
 
 
 def fetch(
@@ -103,8 +104,10 @@ def motions(
     if (run.shard or run.workers or run.scheduler) and (out is None or layout != "files"):
         what = "--workers, --scheduler and --shard are for motion files with --out"
         raise BadRecipe(f"{what}. Leave them out")
+    if dry_run and layout != "files":
+        raise BadRecipe(f"--dry-run: not with --layout {layout}, which reads all at once")
     if dry_run:
-        _show_files(sources, out, layout)
+        _show_files(sources, out, config, run.redo)
     elif layout != "files":
         if len(sources) != 1 or out is None:
             raise BadRecipe(f"--layout {layout} needs the data set's folder and --out")
@@ -127,13 +130,13 @@ def _show_motions(table: "MotionTable") -> None:
         raise BadMotionFile(table.bad)
 
 
-def _show_files(sources: tuple[Path, ...], out: Path | None, layout: str) -> None:
+def _show_files(
+    sources: tuple[Path, ...], out: Path | None, config: "ReadConfig", redo: bool
+) -> None:
     """The motion files that would be read, and which are."""
     from gmrdata.motion.library import PLAN_HEADINGS, TO_DO, plan_library
 
-    if layout != "files":
-        raise BadRecipe(f"--dry-run: not with --layout {layout}, which reads all at once")
-    planned = plan_library(sources, out)
+    planned = plan_library(sources, out, config, redo=redo)
     print_table(PLAN_HEADINGS, planned)
     answer(f"{len(planned)} files, {sum(row[2] == TO_DO for row in planned)} to do")
 

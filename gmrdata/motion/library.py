@@ -33,7 +33,7 @@ from gmrdata.read.source_motion import DEFAULT_READING, ReadConfig, RestPose, Up
 from gmrdata.stage.jobs import Job, Outcome, try_batch
 from gmrdata.stage.progress import remark, track
 from gmrdata.stage.run import DEFAULT_RUN, Run
-from gmrdata.stage.store import AGAIN, run_stage
+from gmrdata.stage.store import AGAIN, StageRecord, run_stage
 from gmrdata.values.clip import Clip, save_clip
 from gmrdata.values.errors import BadManifest, BadMotionFile, BadRecipe, GmrdataError, MissingInput
 from gmrdata.values.files import as_paths, as_text
@@ -107,8 +107,11 @@ class LibraryFile:
     source: Source
 
 
-def library_files(sources: tuple[Path, ...]) -> list[LibraryFile]:
-    """The motion files among files and folders, each once.
+def library_files(
+    sources: tuple[Path, ...], config: ReadConfig = DEFAULT_READING
+) -> list[LibraryFile]:
+    """The motion files among files and folders, each once; BadRecipe where `config` says of them
+    what none of them looks at.
 
     What gmrdata made is left out of folders with other files, as the clips of an earlier run.
 
@@ -130,6 +133,10 @@ def library_files(sources: tuple[Path, ...]) -> list[LibraryFile]:
         motions += [(path, path.relative_to(folder)) for path in paths]
     once = {path.resolve(): (path, inside) for path, inside in reversed(motions)}
     motions = list(reversed(once.values()))
+    of_skeletons = config.model_dump(include={"joint_map", "rest_pose"}, exclude_none=True)
+    if of_skeletons and all(path.suffix.lower() == ".npz" for path, _ in motions):
+        flag = next(iter(of_skeletons)).replace("_", "-")
+        raise BadRecipe(f"--{flag}: is for BVH and AMC, and all files are .npz. Leave it out")
     stems = Counter(path.stem for path, _ in motions)
     names = [
         ".".join(inside.with_suffix("").parts)
@@ -195,7 +202,7 @@ def motion_table(
     sources: tuple[Path, ...], body: str, config: ReadConfig = DEFAULT_READING
 ) -> MotionTable:
     """Read motion files and say what is in them, with paths from the folder that holds them all."""
-    files = library_files(sources)
+    files = library_files(sources, config)
     bodies = {one.name: one for one in load_bodies(body)}
     root = os.path.commonpath([file.path.absolute().parent for file in files])
     rows, warnings, reasons = [], [], {}
@@ -233,14 +240,23 @@ TO_DO = "to do"
 
 
 def plan_library(
-    sources: str | Path | Iterable[str | Path], out_dir: str | Path | None
+    sources: str | Path | Iterable[str | Path],
+    out_dir: str | Path | None,
+    config: ReadConfig = DEFAULT_READING,
+    *,
+    redo: bool = False,
 ) -> list[tuple[str, str, str]]:
-    """Rows of `PLAN_HEADINGS`: what `make_library` would read; no file is opened."""
-    clips_dir = None if out_dir is None else Path(out_dir) / CLIPS
-    return [
-        (one.id, str(one.path), "there" if clips_dir and (clips_dir / one.id).is_dir() else TO_DO)
-        for one in library_files(tuple(as_paths(sources)))
-    ]
+    """Rows of `PLAN_HEADINGS`: what `make_library` would read; no motion file is opened."""
+
+    def state(id: str) -> str:
+        if out_dir is None or not (folder := Path(out_dir) / CLIPS / id).is_dir():
+            return TO_DO
+        if StageRecord.of(folder).config == config.recorded.model_dump(mode="json"):
+            return "there"
+        return TO_DO if redo else "read in another way before, needs --redo"
+
+    files = library_files(tuple(as_paths(sources)), config)
+    return [(one.id, str(one.path), state(one.id)) for one in files]
 
 
 def make_library(
@@ -264,11 +280,11 @@ def make_library(
     BadMotionFile lists the files that could not be read, once the others' manifest is written.
     """
     out_dir = Path(out_dir).resolve()
-    # By absolute paths: a worker of another machine may run in another folder.
-    files = library_files(tuple(source.absolute() for source in as_paths(sources)))
     said = {"fps_hz": fps_hz, "unit_m": unit_m, "joint_map": joint_map, "rest_pose": rest_pose}
     config = ReadConfig.of(said | {"up": up}, out_dir)
     config.require_rest_file()
+    # By absolute paths: a worker of another machine may run in another folder.
+    files = library_files(tuple(source.absolute() for source in as_paths(sources)), config)
     body_paths = _keep(body, out_dir / "body", run)
     own = {name: file.absolute() for name, file in config.inputs.items()}
     config = config.model_copy(update=own)

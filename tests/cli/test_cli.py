@@ -172,6 +172,8 @@ def test_a_broken_motion_file_leaves_nothing_behind(gmrdata, tmp_path, content):
         ("motions IN --layout emdb --fps-hz 25", "--fps-hz: --layout emdb is read as its format"),
         ("motions IN --layout emdb --workers 2", "--workers, --scheduler and --shard are for"),
         ("motions IN --rest-pose tpose --dry-run", "tpose: no such file. --rest-pose takes a BVH"),
+        ("motions IN --rest-pose t", "--rest-pose: is for BVH and AMC, and all files are .npz"),
+        ("motions IN --joint-map IN --dry-run", "--joint-map: is for BVH and AMC, and all"),
         ("masks IN --camera-body CLIP", "--camera-body is for silhouette, which is not named"),
         ("infer CLIP --joint-map IN", "--joint-map: names joints of a .bvh or .amc, and walk"),
         ("infer CLIP --bridge-frames 3 --dry-run", "--bridge-frames: fills gaps in people"),

@@ -27,6 +27,7 @@ from gmrdata.motion.library import (
     plan_library,
 )
 from gmrdata.read.body_file import save_body
+from gmrdata.read.source_motion import ReadConfig
 from gmrdata.stage.run import Run
 from gmrdata.values.errors import BadMotionFile, BadRecipe, MissingInput, NoWorkers
 from tests.clip_manifests import clips_of
@@ -168,6 +169,9 @@ def test_another_reading_of_files_that_are_there_is_said_as_such(tmp_path, body_
     said = str(refused.value).splitlines()
     what = "2 of 2 files were read in another way before; motions.yaml is that of before:"
     assert said[0] == what and "config.fps_hz. Pass --redo" in said[1]
+    for redo, state in ((False, "read in another way before, needs --redo"), (True, "to do")):
+        planned = plan_library(given[0], given[2], ReadConfig(fps_hz=50), redo=redo)
+        assert [row[2] for row in planned] == [state, state]
     assert (tmp_path / "out" / "motions.yaml").read_bytes() == before
 
 
