@@ -1,16 +1,17 @@
 """The demo from end to end: every stage in order, each of them done once."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import islice
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from gmrdata.cli.demo_recipe import FPS_HZ, DemoClip, DemoPaths, DemoRecipe, MotionsConfig
 from gmrdata.film.programmes import Film, film_motion, plan_clip
-from gmrdata.film.render import RenderJob, optional_outputs
+from gmrdata.film.render import RenderJob, optional_outputs, render_clip
 from gmrdata.film.render_set import render_clips
 from gmrdata.manifest.current import ClipEntry, Quality, Source
 from gmrdata.manifest.write import (
@@ -34,7 +35,7 @@ from gmrdata.solve.solve import solve_sequence
 from gmrdata.stage.jobs import Job, run_jobs
 from gmrdata.stage.progress import console, remark, track
 from gmrdata.stage.run import DEFAULT_RUN, Run
-from gmrdata.stage.store import run_stage
+from gmrdata.stage.store import NotMade, run_stage
 from gmrdata.stage.workers import Pool, worker_pool
 from gmrdata.values import plain_yaml
 from gmrdata.values.body import BodyModel
@@ -46,6 +47,10 @@ from gmrdata.values.records import Config
 from gmrdata.world.compose import motion_in_camera
 from gmrdata.world.judge import load_record, quality_record
 
+if TYPE_CHECKING:
+    from gmrdata.score.score import Scored
+
+DONE, TO_DO = "done", "to do"
 SHORTEST_S = 1.2  # a trial shorter than this has too few motions at FPS_HZ to say anything
 WIDEST_M = 7.0  # the scene's free ground; a trial that walks further than this doesn't fit
 LEAST_TRAVEL_M = 0.5  # a trial that stays in place would make a dull picture
@@ -88,7 +93,13 @@ def run_demo(
         _regenerate(paths, recipe, pool, run)
     _step(5, "manifests")
     write_manifests(paths, recipe, files)
-    _train_and_score(paths, recipe, run)
+    _step(6, "train GMR")
+    _train(paths, recipe, run=run)
+    _step(7, "score GMR")
+    from gmrdata.pages.scores import write_scores_page
+
+    for manifest in (paths.synthetic_manifest, paths.pseudo_gt_manifest):
+        write_scores_page(*_score(paths, manifest, run=run).scores)
     _step(8, "report")
     write_text(paths.recipe, plain_yaml.dump(recipe.model_dump(mode="json")))
     from gmrdata.cli.demo_figures import show
@@ -96,31 +107,59 @@ def run_demo(
     return show(paths, recipe)
 
 
-def _train_and_score(paths: DemoPaths, recipe: DemoRecipe, run: Run) -> None:
-    # Here, since they take seconds to load, which the workers of the steps before do without.
+def _train(paths: DemoPaths, recipe: DemoRecipe, *, run: Run) -> None:
+    # Here, since it takes seconds to load, which the workers of the steps before do without.
     from gmrdata.gmr.train import train
-    from gmrdata.pages.scores import write_scores_page
+
+    train([paths.training_manifest], paths.gmr_dir, recipe.gmr, body_path=paths.body, run=run)
+
+
+def _score(paths: DemoPaths, manifest: Path, *, run: Run) -> "Scored":
     from gmrdata.score.score import score
 
-    _step(6, "train GMR")
-    train([paths.training_manifest], paths.gmr_dir, recipe.gmr, body_path=paths.body, run=run)
-    _step(7, "score GMR")
-    for manifest in (paths.synthetic_manifest, paths.pseudo_gt_manifest):
-        scores_dir = paths.scores_dir(manifest.stem)
-        scored = score(paths.gmr_dir, manifest, scores_dir, body_path=paths.body, run=run)
-        write_scores_page(*scored.scores)
+    scores_dir = paths.scores_dir(manifest.stem)
+    return score(paths.gmr_dir, manifest, scores_dir, body_path=paths.body, run=run)
 
 
-def plan(recipe: DemoRecipe, out_dir: Path) -> list[tuple[str, str]]:
-    """What a run would do: (stage, "done" or "to do"), without doing any of it."""
-    paths = DemoPaths(out_dir.resolve())
-    stages = [("body", paths.body_dir), ("motions", paths.motions_dir)]
+def plan(
+    recipe: DemoRecipe,
+    out_dir: Path,
+    *,
+    motions_dir: Path | None = None,
+    trials: tuple[str, ...] = (),
+    redo: bool = False,
+) -> list[tuple[str, str]]:
+    """What a run would do: (stage, "done", "to do" or why it is refused), without doing it."""
+    paths, look = DemoPaths(out_dir.resolve()), Run(anew=redo, only_look=True)
+    files = MotionFiles()
+    if motions_dir is not None:
+        files = choose_files(motions_dir, trials, recipe, load_body(recipe.body))
+    states: dict[str, str] = {}
+
+    def look_at(name: str, after: Iterable[str], make: Callable[..., object], *given: Any) -> None:
+        """What a run finds of a stage, whose inputs are made `after` others."""
+        states[name] = TO_DO
+        if any(states[one] != DONE for one in after):
+            return
+        try:
+            make(*given, run=look)
+            states[name] = DONE
+        except (NotMade, MissingInput):  # a manifest is written first
+            pass
+        except GmrdataError as error:
+            states[name] = str(error)
+
+    look_at("body", (), keep_body, recipe.body, paths.body_dir)
+    look_at("motions", ("body",), make_motions, paths, recipe, files)
     for id, clip in ((clip.id, paths.clip(clip.id)) for clip in recipe.clips):
-        stages += [(f"render {id}", clip.render_dir), (f"masks {id}", clip.masks_dir)]
-        stages += [(f"cameras {id}", clip.sfm_dir), (f"world motion {id}", clip.pseudo_gt_dir)]
-    stages += [("train GMR", paths.gmr_dir)]
-    stages += [(f"score on {name}", paths.scores_dir(name)) for name in ("synthetic", "pseudo_gt")]
-    return [(name, "done" if folder.is_dir() else "to do") for name, folder in stages]
+        filmed = clip.planned, paths.body, clip.render_dir, recipe.render
+        look_at(f"render {id}", ("motions",), render_clip, *filmed)
+        solved = f"masks, cameras, world motion {id}"
+        look_at(solved, (f"render {id}",), regenerate, paths.root, id, recipe.sequence)
+    look_at("train GMR", ("motions",), _train, paths, recipe)
+    for manifest in (paths.synthetic_manifest, paths.pseudo_gt_manifest):
+        look_at(f"score on {manifest.stem}", [*states], _score, paths, manifest)
+    return list(states.items())
 
 
 def _step(number: int, what: str) -> None:
@@ -285,7 +324,7 @@ def _regenerate(paths: DemoPaths, recipe: DemoRecipe, pool: Pool, run: Run) -> N
     )
 
 
-def regenerate(root: Path, clip_id: str, config: SequenceConfig, run: Run) -> Path:
+def regenerate(root: Path, clip_id: str, config: SequenceConfig, *, run: Run) -> Path:
     """Frames, intrinsics and camera-frame body of one clip to the folder of its world motion."""
     paths = DemoPaths(root)
     clip = paths.clip(clip_id)

@@ -251,7 +251,9 @@ def plan_library(
     def state(id: str) -> str:
         if out_dir is None or not (folder := Path(out_dir) / CLIPS / id).is_dir():
             return TO_DO
-        if StageRecord.of(folder).config == config.recorded.model_dump(mode="json"):
+        made_by = StageRecord.of(folder)
+        is_so = made_by.config == config.recorded.model_dump(mode="json")
+        if is_so and made_by.inputs.keys() & {"joint_map", "rest_pose"} == config.inputs.keys():
             return "there"
         return TO_DO if redo else "read in another way before, needs --redo"
 

@@ -54,6 +54,8 @@ def test_a_second_run_makes_nothing_anew(finished, recipe_path, cmu_dir, works):
     assert str(finished.report)[-20:] in said.stdout.replace("\n", "")
     assert {path: path.stat().st_mtime_ns for path in finished.root.rglob("stage.json")} == before
     assert len(before) > 15
+    dry = works(*demo_arguments(finished.root, recipe_path, cmu_dir), "--dry-run").stdout
+    assert (dry.count(" done "), dry.count("to do")) == (11, 0)
 
 
 def test_another_recipe_is_refused_and_leaves_what_is_there(
@@ -65,6 +67,10 @@ def test_another_recipe_is_refused_and_leaves_what_is_there(
     answer = gmrdata(*demo_arguments(finished.root, other, cmu_dir))
     fails_cleanly(answer, "config.seed", "--redo")
     assert finished.recipe.read_bytes() == before
+    asked = (*demo_arguments(finished.root, other, cmu_dir), "--dry-run")
+    dry, again = gmrdata(*asked).stdout, gmrdata(*asked, "--redo").stdout
+    assert (dry.count("config.seed"), dry.count("to do")) == (1, 9)
+    assert (again.count("config.seed"), again.count("to do")) == (0, 10)
 
 
 def unfinished(folder: Path) -> Path:
