@@ -14,7 +14,14 @@ import numpy as np
 from gmrdata.film.character import residual_figures
 from gmrdata.film.render import RenderConfig, RenderJob, optional_outputs, render_clip
 from gmrdata.film.render_outputs import IN_FRAME, clearance_figures, whole_person_share
-from gmrdata.film.set_plan import PlannedClip, Selection, SyntheticRecipe, plan_takes, select
+from gmrdata.film.set_plan import (
+    PlannedClip,
+    Selection,
+    SyntheticRecipe,
+    passing_dirs,
+    plan_takes,
+    select,
+)
 from gmrdata.manifest.current import ClipEntry, Quality, Source
 from gmrdata.manifest.write import (
     ClipAbout,
@@ -26,11 +33,9 @@ from gmrdata.manifest.write import (
     write_manifest,
 )
 from gmrdata.motion.cmu import fetch_command
-from gmrdata.motion.files import read_file
 from gmrdata.motion.library import READING_FILE, ReadingRecord, licence_of, motion_source
 from gmrdata.read.bodies import keep_body
 from gmrdata.read.body_file import read_body
-from gmrdata.read.source_motion import DEFAULT_READING
 from gmrdata.stage import jobs as stage_jobs
 from gmrdata.stage.progress import remark
 from gmrdata.stage.recipes import read_recipe
@@ -120,7 +125,7 @@ def render_selected(selection: Selection, out_dir: str | Path, run: Run = DEFAUL
         ]
         _write_listing(recipe, entries, out_dir, body, run, bool(reasons))
         unframed = frame_warnings(entries, recipe.min_in_frame_share).values()
-        _write_warnings(out_dir, [*_reading_warnings(out_dir, done, jobs, body), *unframed])
+        _write_warnings(out_dir, [*_reading_warnings(out_dir, done, jobs), *unframed])
     stage_jobs.raise_failures("synthetic set", reasons, len(selection.takes), failures_dir)
     return out_dir / "synthetic.yaml"
 
@@ -177,18 +182,19 @@ def _write_warnings(out_dir: Path, warnings: Sequence[str]) -> None:
 
 
 def _reading_warnings(
-    out_dir: Path, takes: Sequence[PlannedClip], jobs: Mapping[str, RenderJob], body: BodyModel
+    out_dir: Path, takes: Sequence[PlannedClip], jobs: Mapping[str, RenderJob]
 ) -> list[str]:
     """A line for each thing that may be wrong with a motion file, of clips and of passers-by."""
-    plans = {take.clip.id: out_dir / "plan" / take.clip.id / READING_FILE for take in takes}
-    places = [jobs[take.id].config.scene.extras for take in takes]
-    reads = {path: extras.read or DEFAULT_READING for extras in places for path in extras.motions}
-    said: dict[str, Sequence[str]] = {
-        f"clip {id}": ReadingRecord.read(path).remarks
-        for id, path in plans.items()
-        if path.is_file()  # not of a gait, nor of a plan that was made before there were any
+    plans_dir = out_dir / "plan"
+    plans = {f"clip {take.clip.id}": plans_dir / take.clip.id for take in takes}
+    for extras in (jobs[take.id].config.scene.extras for take in takes):
+        read = passing_dirs(extras, plans_dir)
+        plans |= {f"passer-by {path}": folder for path, folder in read.items()}
+    said = {
+        who: ReadingRecord.read(folder / READING_FILE).remarks
+        for who, folder in plans.items()
+        if (folder / READING_FILE).is_file()  # not of a gait, nor of a plan from before there were
     }
-    said |= {f"passer-by {path}": read_file(path, body, reads[path]).remarks for path in reads}
     remedy = "(in a recipe: the keys of `read`)"
     return [f"{who}: {remark} {remedy}" for who, remarks in said.items() for remark in remarks]
 

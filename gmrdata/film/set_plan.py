@@ -25,7 +25,7 @@ from gmrdata.film.programmes import (
     static_twin,
 )
 from gmrdata.film.render import RenderConfig, RenderJob
-from gmrdata.film.scene import SceneConfig
+from gmrdata.film.scene import Extras, SceneConfig
 from gmrdata.manifest.current import CameraMotion, Semver, Source
 from gmrdata.manifest.read import published_list
 from gmrdata.motion.files import FileReading, find_motions, input_files, read_file, require_motion
@@ -160,6 +160,27 @@ class PlanConfig(Config):
 
 class CameraOffConfig(Config):
     id: str
+
+
+def passing_dirs(extras: Extras, plans_dir: Path) -> dict[Path, Path]:
+    """The stage folder of each motion file of passers-by, read as the scene says."""
+    said = (extras.read or DEFAULT_READING).model_dump_json()
+    digests = {path: hashlib.sha256(f"{path} {said}".encode()) for path in extras.motions}
+    return {path: plans_dir / f"passing.{one.hexdigest()[:16]}" for path, one in digests.items()}
+
+
+def read_passers_by(extras: Extras, body_path: Path, plans_dir: Path, run: Run) -> None:
+    """Stages: what may be wrong with these files, in `reading.json`; BadMotionFile for one that
+    can't be read, whether chance takes it or not."""
+    read = extras.read or DEFAULT_READING
+    for path, folder in passing_dirs(extras, plans_dir).items():
+
+        def work(partial_dir: Path, path: Path = path) -> None:
+            reading = read_file(path, read_body(body_path), read)
+            ReadingRecord.of(reading).write(partial_dir / READING_FILE)
+
+        inputs = {"body": body_path} | input_files(path) | read.inputs
+        run_stage("passing", folder, read.recorded, inputs, work, run=run)
 
 
 def make_plan(
@@ -356,6 +377,7 @@ def plan_takes(
         try:
             for path in job.inputs.values():
                 require_file(path)
+            read_passers_by(job.config.scene.extras, body_path, plans_dir, run)
             jobs[take.id] = job
         except (BadCharacter, BadMotionFile, MissingInput) as error:
             reasons[take.id] = str(error)

@@ -167,6 +167,26 @@ def test_a_file_that_is_not_there_leaves_the_others(body_path, tmp_path):
     assert reasons == wanted
 
 
+def test_files_of_passers_by_are_read_once_and_before_the_set(
+    small_body, body_path, tmp_path, monkeypatch
+):
+    """One that chance did not take was told of when all was rendered, and at each run again."""
+    walk = make_gait("walk", 1.0, 30.0, small_body, np.random.default_rng(0))
+    (tmp_path / "cut.bvh").write_text("HIERARCHY")
+    paths = [save_bare(tmp_path / "walk.npz", small_body, walk), tmp_path / "cut.bvh"]
+    place, walk_by = tmp_path / "plan", {"gait": "walk", "programme": {"kind": "small"}}
+    clips = [
+        walk_by | {"id": id, "scene": {"extras": {"passers_by": 1, "motions": motions}}}
+        for id, motions in (("one", paths[:1]), ("both", paths))
+    ]
+    chosen = select(recipe_of(clips=clips), None)
+    jobs, reasons = plan_takes(chosen, body_path, place, tmp_path)
+    assert jobs.keys() == {"one"} and "cut.bvh: no BVH file" in reasons["both"]
+    monkeypatch.setattr("gmrdata.film.set_plan.read_file", None)
+    again = select(recipe_of(clips=clips[:1]), None)
+    assert plan_takes(again, body_path, place, tmp_path)[0] == jobs
+
+
 @pytest.mark.parametrize("off_m", [0.4, -0.3, 0.0])
 def test_a_motion_of_the_sets_own_body_is_put_on_the_ground(small_body, tmp_path, off_m):
     """In a world whose floor is elsewhere it was filmed in the air, or below the ground."""
