@@ -81,10 +81,7 @@ def run_demo(
     _step(1, "body")
     keep_body(recipe.body, paths.body_dir, run=run)
     _step(2, "motions")
-    files = MotionFiles()
-    if motions_dir is not None:
-        files = choose_files(motions_dir, trials, recipe, load_body(paths.body))
-        remark("  filming " + ", ".join(file.id for file in files.filmed))
+    files = choose_files(motions_dir, trials, recipe, load_body(paths.body))
     make_motions(paths, recipe, files, run=run)
     with worker_pool(run, recipe.workers) as pool:
         _step(3, "render")
@@ -122,18 +119,11 @@ def _score(paths: DemoPaths, manifest: Path, *, run: Run) -> "Scored":
 
 
 def plan(
-    recipe: DemoRecipe,
-    out_dir: Path,
-    *,
-    motions_dir: Path | None = None,
-    trials: tuple[str, ...] = (),
-    redo: bool = False,
+    recipe: DemoRecipe, out_dir: Path, motions_dir: Path | None, trials: tuple[str, ...], redo: bool
 ) -> list[tuple[str, str]]:
     """What a run would do: (stage, "done", "to do" or why it is refused), without doing it."""
     paths, look = DemoPaths(out_dir.resolve()), Run(anew=redo, only_look=True)
-    files = MotionFiles()
-    if motions_dir is not None:
-        files = choose_files(motions_dir, trials, recipe, load_body(recipe.body))
+    files = choose_files(motions_dir, trials, recipe, load_body(recipe.body))
     states: dict[str, str] = {}
 
     def look_at(name: str, after: Iterable[str], make: Callable[..., object], *given: Any) -> None:
@@ -167,9 +157,11 @@ def _step(number: int, what: str) -> None:
 
 
 def choose_files(
-    folder: Path, trials: tuple[str, ...], recipe: DemoRecipe, body: BodyModel
+    folder: Path | None, trials: tuple[str, ...], recipe: DemoRecipe, body: BodyModel
 ) -> MotionFiles:
-    """Pick the files of a folder to film: `trials`, or the first that fit."""
+    """Pick the files of a folder to film: `trials`, or the first that fit; of no folder none."""
+    if folder is None:
+        return MotionFiles()
     files = library_files((folder,))
     n_clips = len(recipe.clips)
     if trials:
@@ -184,6 +176,7 @@ def choose_files(
         fit = f"found to fit: {least} and {LEAST_TRAVEL_M:g} m, at most {WIDEST_M:g} m"
         how = "named" if trials else fit
         raise MissingInput(f"{folder}: {counts} {how}. Name {n_clips} with --trials")
+    remark("  filming " + ", ".join(file.id for file in filmed))
     others = tuple(file for file in files if file not in filmed)
     return MotionFiles(filmed, others[: recipe.training.max_files])
 

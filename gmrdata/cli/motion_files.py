@@ -107,7 +107,7 @@ def motions(
     if dry_run and layout != "files":
         raise BadRecipe(f"--dry-run: not with --layout {layout}, which reads all at once")
     if dry_run:
-        _show_files(sources, out, config, run.redo)
+        _show_files(sources, out, config)
     elif layout != "files":
         if len(sources) != 1 or out is None:
             raise BadRecipe(f"--layout {layout} needs the data set's folder and --out")
@@ -130,13 +130,11 @@ def _show_motions(table: "MotionTable") -> None:
         raise BadMotionFile(table.bad)
 
 
-def _show_files(
-    sources: tuple[Path, ...], out: Path | None, config: "ReadConfig", redo: bool
-) -> None:
+def _show_files(sources: tuple[Path, ...], out: Path | None, config: "ReadConfig") -> None:
     """The motion files that would be read, and which are."""
     from gmrdata.motion.library import PLAN_HEADINGS, TO_DO, plan_library
 
-    planned = plan_library(sources, out, config, redo=redo)
+    planned = plan_library(sources, out, config)
     print_table(PLAN_HEADINGS, planned)
     answer(f"{len(planned)} files, {sum(row[2] == TO_DO for row in planned)} to do")
 

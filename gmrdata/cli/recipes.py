@@ -48,8 +48,7 @@ def demo(
         raise BadRecipe("--trials: names of files of --motions. Give that folder too")
     loaded = read_recipe(recipe, DemoRecipe)
     if dry_run:
-        states = plan(loaded, out, motions_dir=motions, trials=trials, redo=run.redo)
-        print_table(("stage", "state"), states)
+        print_table(("stage", "state"), plan(loaded, out, motions, trials, run.redo))
     else:
         run_demo(loaded, out, motions_dir=motions, trials=trials, run=run)
 

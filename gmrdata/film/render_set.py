@@ -8,6 +8,7 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -155,20 +156,11 @@ def _write_listing(
     run: Run,
     incomplete: bool,
 ) -> None:
-    write_manifest(
-        out_dir / "synthetic.yaml",
-        ManifestHead(
-            name=recipe.name,
-            version=recipe.version,
-            description="Rendered clips with exact cameras and exact world motions.",
-            kind="synthetic",
-            licence=f"clips as stated by each; body: {body.licence}",
-        ),
-        entries,
-        created_by=made_by(recipe, {"render": recipe.seed}),
-        redo=run.redo,
-        incomplete=incomplete,
-    )
+    about = "Rendered clips with exact cameras and exact world motions."
+    licence = f"clips as stated by each; body: {body.licence}"
+    head = ManifestHead(recipe.name, recipe.version, about, "synthetic", licence)
+    by, path = made_by(recipe, {"render": recipe.seed}), out_dir / "synthetic.yaml"
+    write_manifest(path, head, entries, created_by=by, redo=run.redo, incomplete=incomplete)
 
 
 def _write_warnings(out_dir: Path, warnings: Sequence[str]) -> None:
@@ -222,23 +214,17 @@ def _entry(
         record = load_character(folder / CHARACTER_FILE)
         figures = {IN_FRAME: float(record.in_frame.mean())} | residual_figures(record)
         licence = f"{licence}; character: {config.character.licence}"
-    return clip_entry(
-        out_dir,
-        ClipFiles(
-            folder / "clip.npz",
-            images=folder / "frames",
-            masks=folder / "masks",
-            **optional_outputs(folder, config),
-        ),
-        ClipAbout(
-            id=take.id,
-            camera_motion=take.camera_motion,
-            licence=licence,
-            source=source,
-            quality=Quality(geometry="exact", figures={**figures, **clearance_figures(folder)}),
-            recipe=stage_recipe(folder),
-        ),
+    pictures: dict[str, Any] = {"images": folder / "frames", "masks": folder / "masks"}
+    listed = ClipFiles(folder / "clip.npz", **(pictures | optional_outputs(folder, config)))
+    about = ClipAbout(
+        id=take.id,
+        camera_motion=take.camera_motion,
+        licence=licence,
+        source=source,
+        quality=Quality(geometry="exact", figures={**figures, **clearance_figures(folder)}),
+        recipe=stage_recipe(folder),
     )
+    return clip_entry(out_dir, listed, about)
 
 
 def _licence(source: Source, passing: Sequence[Path]) -> str:

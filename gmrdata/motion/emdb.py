@@ -103,14 +103,10 @@ def make_emdb(root: Path, body: str, out_dir: Path, *, run: Run = DEFAULT_RUN) -
         for name, is_in in {"emdb": True, "emdb1": about.emdb1, "emdb2": about.emdb2}.items():
             if is_in:
                 entries[name].append(entry)
+    heads = {name: motions_head(name, DESCRIPTIONS[name], LICENCE) for name in DESCRIPTIONS}
     return tuple(
-        write_motions(
-            out_dir / f"{name}.yaml",
-            motions_head(name, description, LICENCE),
-            entries[name],
-            run=run,
-        )
-        for name, description in DESCRIPTIONS.items()
+        write_motions(out_dir / f"{name}.yaml", head, entries[name], run=run)
+        for name, head in heads.items()
         if entries[name]
     )
 
@@ -148,15 +144,12 @@ def _entry(folder: Path, about: EmdbAbout, out_dir: Path) -> ClipEntry:
         axis = clip.motion.root_rotmats[rows, :, 1].mean(axis=0)
         tilt_deg = np.rad2deg(np.arccos(np.clip(axis[2] / np.linalg.norm(axis), -1.0, 1.0)))
         figures["mean_tilt_deg"] = float(tilt_deg)
-    return clip_entry(
-        out_dir,
-        ClipFiles(folder / CLIP_FILE),
-        ClipAbout(
-            camera_motion=camera_motion,
-            licence=LICENCE,
-            source=Source(dataset="EMDB", sequence=clip.id.replace("_", "/", 1)),
-            dropped_reason=about.reasons,
-            quality=Quality(figures=figures),
-            recipe=stage_recipe(folder),
-        ),
+    listed = ClipAbout(
+        camera_motion=camera_motion,
+        licence=LICENCE,
+        source=Source(dataset="EMDB", sequence=clip.id.replace("_", "/", 1)),
+        dropped_reason=about.reasons,
+        quality=Quality(figures=figures),
+        recipe=stage_recipe(folder),
     )
+    return clip_entry(out_dir, ClipFiles(folder / CLIP_FILE), listed)

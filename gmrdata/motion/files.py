@@ -100,9 +100,8 @@ def read_motion(
     path = Path(path)
     _check_shape(path, body, shape)
     asf_path = None if asf_path is None else Path(asf_path)
-    names = dict(joint_map) if isinstance(joint_map, Mapping) else joint_map
-    said = {"fps_hz": fps_hz, "unit_m": unit_m, "joint_map": names, "rest_pose": rest_pose}
-    config = ReadConfig.of(said | {"up": up}, path)
+    said = {"fps_hz": fps_hz, "unit_m": unit_m, "joint_map": joint_map, "rest_pose": rest_pose}
+    config = ReadConfig.of(path, up=up, **said)
     if path.suffix.lower() == ".npz":
         return read_amass(path, body, config, shape=shape, source_body=source_body, ground=ground)
     source = _read_source(path, config, asf_path, drop_rest_frame)

@@ -128,14 +128,11 @@ def _entries(
     clips_dir = out_dir / "clips" / f"S{subject}"
     folder = run_stage("human36m", clips_dir, config, inputs, work, run=run)
     for path in sorted(folder.glob("*.npz")):
-        yield clip_entry(
-            out_dir,
-            ClipFiles(path),
-            ClipAbout(
-                camera_motion="static",
-                licence=LICENCE,
-                source=Source(dataset="Human3.6M", sequence=path.stem.replace(".", "/")),
-                dropped_reason="no finite SMPL parameters in the file",
-                recipe=stage_recipe(folder),
-            ),
+        about = ClipAbout(
+            camera_motion="static",
+            licence=LICENCE,
+            source=Source(dataset="Human3.6M", sequence=path.stem.replace(".", "/")),
+            dropped_reason="no finite SMPL parameters in the file",
+            recipe=stage_recipe(folder),
         )
+        yield clip_entry(out_dir, ClipFiles(path), about)

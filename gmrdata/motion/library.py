@@ -240,24 +240,19 @@ TO_DO = "to do"
 
 
 def plan_library(
-    sources: str | Path | Iterable[str | Path],
-    out_dir: str | Path | None,
-    config: ReadConfig = DEFAULT_READING,
-    *,
-    redo: bool = False,
+    sources: tuple[Path, ...], out_dir: Path | None, config: ReadConfig
 ) -> list[tuple[str, str, str]]:
     """Rows of `PLAN_HEADINGS`: what `make_library` would read; no motion file is opened."""
 
     def state(id: str) -> str:
-        if out_dir is None or not (folder := Path(out_dir) / CLIPS / id).is_dir():
+        if out_dir is None or not (folder := out_dir / CLIPS / id).is_dir():
             return TO_DO
         made_by = StageRecord.of(folder)
         is_so = made_by.config == config.recorded.model_dump(mode="json")
-        if is_so and made_by.inputs.keys() & {"joint_map", "rest_pose"} == config.inputs.keys():
-            return "there"
-        return TO_DO if redo else "read in another way before, needs --redo"
+        is_so &= made_by.inputs.keys() & {"joint_map", "rest_pose"} == config.inputs.keys()
+        return "there" if is_so else "read in another way before, needs --redo"
 
-    files = library_files(tuple(as_paths(sources)), config)
+    files = library_files(sources, config)
     return [(one.id, str(one.path), state(one.id)) for one in files]
 
 
@@ -283,7 +278,7 @@ def make_library(
     """
     out_dir = Path(out_dir).resolve()
     said = {"fps_hz": fps_hz, "unit_m": unit_m, "joint_map": joint_map, "rest_pose": rest_pose}
-    config = ReadConfig.of(said | {"up": up}, out_dir)
+    config = ReadConfig.of(out_dir, up=up, **said)
     config.require_rest_file()
     # By absolute paths: a worker of another machine may run in another folder.
     files = library_files(tuple(source.absolute() for source in as_paths(sources)), config)
@@ -342,17 +337,14 @@ def make_entry(
     made_by, clip_dir = config.recorded, out_dir / CLIPS / file.id
     folder = run_stage("motion", clip_dir, made_by, inputs, work, run=run)
     figures = ReadingRecord.read(folder / READING_FILE).residual_deg
-    return clip_entry(
-        out_dir,
-        ClipFiles(folder / CLIP_FILE),
-        ClipAbout(
-            camera_motion="none",
-            licence=licence_of(file.source),
-            source=file.source,
-            quality=Quality(figures=figures) if figures else None,
-            recipe=stage_recipe(folder),
-        ),
+    about = ClipAbout(
+        camera_motion="none",
+        licence=licence_of(file.source),
+        source=file.source,
+        quality=Quality(figures=figures) if figures else None,
+        recipe=stage_recipe(folder),
     )
+    return clip_entry(out_dir, ClipFiles(folder / CLIP_FILE), about)
 
 
 def motions_head(name: str, description: str, licence: str) -> ManifestHead:

@@ -89,8 +89,8 @@ def read_local_poses(
     if is_clip:
         return _of_clip(path, fps_hz, body)
     if is_motion:
-        names = dict(joint_map) if isinstance(joint_map, Mapping) else joint_map
-        motion, first = read_poses(path, body, ReadConfig(fps_hz=fps_hz, joint_map=names))
+        config = ReadConfig.of(path, fps_hz=fps_hz, joint_map=joint_map)
+        motion, first = read_poses(path, body, config)
         rows = first + np.arange(motion.n_frames)
         return (Clip(path.stem, motion, np.ones(len(rows), bool), rows, None),)
     return _of_people(path, fps_hz, body, bridge_frames)

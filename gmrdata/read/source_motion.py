@@ -47,8 +47,10 @@ class ReadConfig(Config):
     """Which axis of the file's world is up."""
 
     @classmethod
-    def of(cls, said: Mapping[str, object], where: Path) -> Self:
+    def of(cls, where: Path, **said: object) -> Self:
         """From what a caller says of files; BadRecipe, by their path, for what can't be."""
+        if isinstance(names := said.get("joint_map"), Mapping):
+            said["joint_map"] = dict(names)
         try:
             return cls.model_validate(said)
         except ValidationError as error:

@@ -169,9 +169,8 @@ def test_another_reading_of_files_that_are_there_is_said_as_such(tmp_path, body_
     said = str(refused.value).splitlines()
     what = "2 of 2 files were read in another way before; motions.yaml is that of before:"
     assert said[0] == what and "config.fps_hz. Pass --redo" in said[1]
-    for redo, state in ((False, "read in another way before, needs --redo"), (True, "to do")):
-        planned = plan_library(given[0], given[2], ReadConfig(fps_hz=50), redo=redo)
-        assert [row[2] for row in planned] == [state, state]
+    planned = plan_library(given[0], given[2], ReadConfig(fps_hz=50))
+    assert [row[2] for row in planned] == 2 * ["read in another way before, needs --redo"]
     assert (tmp_path / "out" / "motions.yaml").read_bytes() == before
 
 
@@ -255,7 +254,10 @@ def test_a_library_below_its_source_does_not_read_its_own_clips(tmp_path, body_p
     written = finished(tmp_path / "lib")
     assert make_library(["."], body_path.name, "lib").read_bytes() == first
     assert finished(tmp_path / "lib") == written and len(written) == 2
-    assert [row[2] for row in plan_library(["."], "lib")] == ["there", "there"]
+    assert [row[2] for row in plan_library((Path(),), Path("lib"), ReadConfig())] == [
+        "there",
+        "there",
+    ]
 
 
 def test_what_gmrdata_made_keeps_its_source_and_is_not_imported_twice(tmp_path, body_path, capsys):
