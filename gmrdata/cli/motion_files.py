@@ -97,9 +97,10 @@ def motions(
     from gmrdata.motion.emdb import make_emdb
     from gmrdata.motion.human36m import make_human36m
 
-    config = flags.reading(fps_hz, unit_m, joint_map, rest_pose, up)
-    if layout != "files" and (said := config.model_dump(exclude_defaults=True)):
-        flag = next(iter(said)).replace("_", "-")
+    said = {"fps_hz": fps_hz, "unit_m": unit_m, "joint_map": joint_map, "rest_pose": rest_pose}
+    config = flags.reading(up=up, **said)
+    if layout != "files" and (given := config.model_dump(exclude_defaults=True)):
+        flag = next(iter(given)).replace("_", "-")
         raise BadRecipe(f"--{flag}: --layout {layout} is read as its format has it. Leave it out")
     if (run.shard or run.workers or run.scheduler) and (out is None or layout != "files"):
         what = "--workers, --scheduler and --shard are for motion files with --out"

@@ -237,19 +237,12 @@ def flags_named() -> Iterator[None]:
         raise BadRecipe(f"--{flag} {wrong['input']}: {what}") from None
 
 
-def reading(
-    fps_hz: float | None,
-    unit_m: float | None,
-    joint_map: Path | None,
-    rest_pose: str | None,
-    up: str | None,
-) -> "ReadConfig":
+def reading(**said: object) -> "ReadConfig":
     """What a person said of motion files; raises BadRecipe or MissingInput for what can't be."""
     from gmrdata.read.source_motion import ReadConfig
 
-    said = {"fps_hz": fps_hz, "unit_m": unit_m, "joint_map": joint_map, "rest_pose": rest_pose}
     with flags_named():
-        config = ReadConfig.model_validate(said | {"up": up})
+        config = ReadConfig.model_validate(said)
     config.require_rest_file()
     return config
 
