@@ -45,6 +45,7 @@ from gmrdata.solve.verdict import (
     OVERLAY,
     PAGE,
     VERDICT_FILE,
+    VIEW,
     VideoVerdict,
     forget_result,
     judge_video,
@@ -66,7 +67,7 @@ RECORD_FILE, ENTRY_FILE = "videos.json", "entry.json"
 SOLVING = "solving videos"
 PARTS = (
     FRAMES, FOLLOWED, MASKS, sources_dir(Path(MASKS)).name, INTRINSICS, SFM, AGAIN, OWN_POSES,
-    LINES, BODIES, PSEUDO_GT, FUSED, BODY, FILES, VERDICT_FILE, PAGE, OVERLAY,
+    LINES, BODIES, PSEUDO_GT, FUSED, BODY, FILES, VERDICT_FILE, PAGE, VIEW, OVERLAY,
 )  # fmt: skip
 """What a video's folder may hold."""
 OwnPoses = Literal["no", "seen", "asked"]

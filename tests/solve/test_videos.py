@@ -269,6 +269,20 @@ def test_a_line_that_says_not_of_what_it_was_written_is_written_again(tmp_path):
     assert stages and {stage: stage.stat().st_mtime_ns for stage in stages} == stages
 
 
+def leave_view(out: Path, _: VideoVerdict) -> None:
+    (out / VIEW).write_text("of " + out.name)
+
+
+def test_a_view_that_was_lost_is_made_again(tmp_path):
+    """The page's link to it led nowhere, and a batch was said to be whole."""
+    paths, out = [grey_images(tmp_path / name) for name in "ab"], tmp_path / "out"
+    solve_videos(paths, out, **ALONE, after=leave_view, run=Run(workers=1))
+    before = contents(out)
+    (out / "videos" / "b" / VIEW).unlink()
+    solve_videos(paths, out, **ALONE, after=leave_view, run=Run(workers=1))
+    assert contents(out) == before
+
+
 def test_a_folder_among_the_images_of_a_batch_is_not_read(tmp_path):
     """As --out of masks: the batch was refused as of other inputs, and one video alone was not."""
     paths, out = [grey_images(tmp_path / name) for name in "ab"], tmp_path / "out"
