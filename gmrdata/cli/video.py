@@ -46,7 +46,7 @@ def masks(
     network_files(config)  # what lacks is said before frames are taken
     people = () if camera_body is None else flags.one_person(camera_body, body)
     if dry_run:
-        _show_stages(frames, part, ("frames", "masks"))
+        _show_stages(frames, part, ("frames", "masks"), config)
         return
     run = Run(redo=redo)
     masks_dir = make_masks(frames, out, config, people=people, video=part, run=run)
@@ -90,7 +90,7 @@ def sfm(
         config = SequenceConfig(masks=named, sfm=SfmConfig(seed=seed))
     people = flags.one_person(camera_body, body)
     if dry_run:
-        _show_stages(frames, part, ("frames", "masks", "sfm"))
+        _show_stages(frames, part, ("frames", "masks", "sfm"), named)
         return
     answer(solve_sequence(frames, people, out, config, video=part, run=Run(redo=redo)))
     flags.say_lost(out / "frames")
@@ -100,11 +100,14 @@ def sfm(
         answer(write_page(out, images=frames if frames.is_dir() else None, body=body))
 
 
-def _show_stages(frames: Path, part: Any, stages: Sequence[str]) -> None:
+def _show_stages(frames: Path, part: Any, stages: Sequence[str], config: "MasksConfig") -> None:
     """What some stages would do with frames, and about how long they take."""
+    from gmrdata.people.sources import check_folders
     from gmrdata.solve.plan import HEADINGS, plan_stages, planned_frames
 
-    planned = plan_stages(planned_frames(frames, part), stages)
+    images = planned_frames(frames, part)
+    check_folders(config, images)
+    planned = plan_stages(images, stages)
     print_table(HEADINGS, planned.rows)
     answer(planned.summary(frames))
 

@@ -44,7 +44,7 @@ def folder_masks(
     """Stage: bring a folder of masks to gmrdata's form, `<image stem>.png` with 255 = dynamic."""
 
     def work(partial: Path) -> None:
-        _require_of_taken_frames(masks_dir, frames)
+        check_masks(masks_dir, frames)
         brightest = 0
         for image in frames.paths:
             grey = _read_mask(find_mask(masks_dir, image), frames.size_px)
@@ -59,6 +59,15 @@ def folder_masks(
 
     inputs = {"masks": masks_dir} | frames.inputs
     return run_stage("folder_masks", out_dir, config, inputs, work, run=run)
+
+
+def check_masks(masks_dir: Path, frames: FrameSet) -> None:
+    """Refuse a folder that lacks a mask of these images, as far as they have names, or has the
+    first one's at another size; errors as of `folder_masks`."""
+    _require_of_taken_frames(masks_dir, frames)
+    masks = [find_mask(masks_dir, image) for image in frames.paths]
+    for path in masks[:1]:
+        _read_mask(path, frames.size_px)
 
 
 def _require_of_taken_frames(masks_dir: Path, frames: FrameSet) -> None:

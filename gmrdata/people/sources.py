@@ -8,7 +8,13 @@ from typing import Annotated, Literal, Self, TypeGuard, TypeVar
 import numpy as np
 from pydantic import Field, ValidationError
 
-from gmrdata.people.folder import FolderMaskConfig, UnionConfig, folder_masks, unite_masks
+from gmrdata.people.folder import (
+    FolderMaskConfig,
+    UnionConfig,
+    check_masks,
+    folder_masks,
+    unite_masks,
+)
 from gmrdata.people.following import (
     FOLLOWED_FILE,
     SIGHTINGS_FILE,
@@ -180,6 +186,7 @@ def make_masks(
         MissingExtra: torchvision is not installed, or doesn't fit torch.
         FetchFailed: torchvision could not fetch its weights.
     """
+    check_folders(config, frames)
     given = _MaskInputs(frames, people, followed_dir, run)
     made = {name: _make(one, given, sources_dir(out_dir) / name) for name, one in config.named}
     return unite_masks(made, frames, out_dir, _settings(config, UnionConfig), run=run)
@@ -259,6 +266,12 @@ def mask_folders(config: MasksConfig) -> dict[str, Path]:
     return {
         f"{name} masks": one.path for name, one in config.named if isinstance(one, FolderSource)
     }
+
+
+def check_folders(config: MasksConfig, frames: FrameSet) -> None:
+    """Refuse those folders, as far as these frames tell; errors as of `make_masks`."""
+    for masks_dir in mask_folders(config).values():
+        check_masks(masks_dir, frames)
 
 
 def without_files(config: MasksConfig) -> MasksConfig:

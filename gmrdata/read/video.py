@@ -88,8 +88,9 @@ def has_times(source: Path) -> bool:
 
 
 def expected_frames(path: Path, config: VideoConfig) -> FrameSet:
-    """About which frames `extract_video` would take, without paths and times: by the times in the
-    file's index or of its packets, and its first picture alone.  Errors as there."""
+    """About which frames `extract_video` would take, without times, and with the first one's name
+    alone: by the times in the file's index or of its packets, and its first picture.  Errors as
+    there."""
     import av
 
     require_file(path)
@@ -104,15 +105,15 @@ def expected_frames(path: Path, config: VideoConfig) -> FrameSet:
         shown_s = shown_s[reading.n_cut :] - shown_s[reading.n_cut : reading.n_cut + 1]
         to_s = (np.inf if config.to_s is None else config.to_s) + within_s
         taken = np.flatnonzero((shown_s >= config.from_s - within_s) & (shown_s <= to_s))
-        taken = taken[taken % config.every == 0]
+        numbers = (taken := taken[taken % config.every == 0]) // config.every
         _require_in_budget(path, len(taken), size_px)
         seen = _Reading(times_s=shown_s.tolist())
         _require_several(path, len(taken), seen)
         rate_hz, _ = _rated(path, stream, seen)
         return FrameSet(
             folder=path,
-            paths=(),
-            numbers=taken // config.every,
+            paths=(_image_path(numbers[0]),),
+            numbers=numbers,
             size_px=size_px,
             frame_numbers=taken,
             n_frames=None if (shown_s > to_s).any() else len(shown_s),
@@ -120,6 +121,10 @@ def expected_frames(path: Path, config: VideoConfig) -> FrameSet:
             rate_hz=rate_hz / config.every,
             video_path=path,
         )
+
+
+def _image_path(number: int) -> Path:
+    return Path(f"{number:05d}.jpg")
 
 
 def _shown_s(container: "InputContainer", stream: Any) -> np.ndarray:
@@ -262,7 +267,7 @@ def _extract(path: Path, out_dir: Path, config: VideoConfig) -> VideoRecord:
         def write(picture: tuple[int, np.ndarray]) -> tuple[int, np.ndarray]:
             number, image = picture
             quality = [cv2.IMWRITE_JPEG_QUALITY, config.jpeg_quality]
-            write_image(out_dir / f"{number // config.every:05d}.jpg", image, quality)
+            write_image(out_dir / _image_path(number // config.every), image, quality)
             return picture
 
         decoded = _pictures(path, container, stream, config, reading)

@@ -183,10 +183,12 @@ def _frames(request: SolveRequest, out_dir: Path, run: Run) -> FrameSet:
 def require_of_frames(
     request: SolveRequest, found: EstimatedPeople | None, frames: FrameSet, config: SolveConfig
 ) -> None:
-    """Refuse a lens, or people of a system, that can't be of these frames, before hours of masks
-    and cameras."""
+    """Refuse a lens, a folder of masks, or a system's people, that can't be of these frames, before
+    hours of work."""
     if request.lens is not None:
         given_lens(request.lens, frames.size_px)
+    if config.masks is not None:
+        mask_sources.check_folders(config.masks, frames)
     if found is not None:
         assert isinstance(request.people, PeopleBySystem) and request.people.results_path
         check_people(found, request.people.results_path, frames, config.bodies)

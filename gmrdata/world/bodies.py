@@ -31,7 +31,7 @@ from gmrdata.values.people import (
     person_file,
 )
 from gmrdata.values.records import PART, Config, Figure, Record
-from gmrdata.world.placement import PlacedBody, place_body
+from gmrdata.world.placement import PlacedBody, assumed_place, place_body
 from gmrdata.world.size import (
     ESTIMATED_SIGMA,
     EVERYBODY,
@@ -157,9 +157,11 @@ def make_bodies(
 def check_people(
     found: EstimatedPeople, poses_path: Path, frames: FrameSet, config: BodiesConfig
 ) -> None:
-    """Refuse people of other frames; errors as of `make_bodies`, as far as frames tell."""
+    """Refuse people of other frames or pictures; errors as of `make_bodies`, if they tell."""
     _check_frames(found, poses_path, frames, config)
-    _seen_enough(found, poses_path, frames, config)
+    for person, _ in _seen_enough(found, poses_path, frames, config)[0]:
+        assert person.in_camera is not None
+        assumed_place(person.in_camera, frames.size_px, poses_path)
 
 
 def _write(

@@ -12,6 +12,7 @@ import pytest
 from gmrdata.cli import main
 from gmrdata.cli.video import leave_files
 from gmrdata.read.body_file import save_body
+from gmrdata.read.frames import write_gray
 from gmrdata.solve.plan import VideoPlan
 from gmrdata.solve.verdict import VideoVerdict, unsolved
 from gmrdata.solve.videos import Videos
@@ -195,10 +196,11 @@ def test_poses_of_another_video_are_refused(filmed_set, neutral, solved, tmp_pat
     half = system_files.write_torch(tmp_path / "a.pt", system_files.gvhmr_result(seen, 18))
     said = "is of 18 frames, and the video has 36, about every 2th"
     fails_cleanly(gmrdata(*given, "--poses", half), said)
-    assert not (out / "intrinsics").exists()  # said before lens, masks and cameras were sought
     large = replace(seen, size_px=(HEIGHT_PX, WIDTH_PX))
     turned = system_files.write_torch(tmp_path / "b.pt", system_files.gvhmr_result(large))
-    fails_cleanly(gmrdata(*given, "--poses", turned), "a turned one's")
+    for dry_run in ([], ["--dry-run"]):
+        fails_cleanly(gmrdata(*given, "--poses", turned, *dry_run), "a turned one's")
+    assert not (out / "intrinsics").exists()  # said before lens, masks and cameras were sought
 
 
 def _shifted(clip: Clip, body: BodyModel, by: int) -> dict[Any, Any]:
@@ -256,6 +258,23 @@ def test_masks_without_their_network_are_refused_before_frames_are_taken(
     answer = gmrdata(*verb, source, "--out", out, "--masks", "onnx", *dry_run)
     fails_cleanly(answer, "yolox_nano.onnx: no such model file")
     assert not out.exists()
+
+
+@pytest.mark.parametrize("dry_run", [(), ("--dry-run",)])
+@pytest.mark.parametrize("verb", [("video", "--poses", "none"), ("masks",)])
+def test_a_folder_of_masks_of_another_size_is_refused_before_others_are_made(
+    verb, dry_run, tmp_path, gmrdata
+):
+    """A dry run took it, and a run made those of people first, for an hour."""
+    source, out, masks = make_video(tmp_path / "walk.mp4"), tmp_path / "out", tmp_path / "masks"
+    for number in range(8):
+        write_gray(masks / f"{number:05d}.png", np.zeros((24, 32), np.uint8))
+    network = ("--detector", __file__)
+    command = (*verb, source, "--out", out, "--masks", "onnx", masks, *network, *dry_run)
+    fails_cleanly(gmrdata(*command), "00000.png: 32x24 px, its frame is 64x48 px")
+    (masks / "00000.png").unlink()
+    fails_cleanly(gmrdata(*command), f"{masks}: no mask for 00000.jpg")
+    assert not (out / "masks_by").exists()
 
 
 @pytest.mark.parametrize("dry_run", [(), ("--dry-run",)])
