@@ -97,6 +97,7 @@ def _clip_lacks(need: Need, clip: Clip) -> str:
 
 PINHOLES: tuple[FormatName, ...] = ("gem-x", "3dpw", "emdb", "gvhmr", "glb", "usd", "rrd")
 """Formats that hold a camera without the lens's distortion."""
+N_BETAS = 10  # of SMPL, in files of WHAM and 3DPW
 SAME_LEGS = 0.01  # as a share: no remark on what nobody sees
 EACH_CAMERA: tuple[FormatName, ...] = ("kitti", "gem-x")
 """Formats that have a camera for each frame, so that none can be left out."""
@@ -118,18 +119,32 @@ def not_held(format: str, clips: Sequence["ExportedClip"], of: Trajectory) -> It
         if n_dropped := np.count_nonzero(~kept):
             what = f"the verdict drops the cameras of {n_dropped} frames"
             yield f"{what}, which {format} has as all others; tum leaves them out"
+    yield from _body_not_held(format, clips)
+    fps_hz = clips[0].clip.motion.fps_hz
+    if format in STEADY and (off_s := _off_a_rate_s(format, clips[0])) > 0.5 / fps_hz:
+        what = f"the video's frames are up to {off_s:.2f} s off a steady {fps_hz:.5g} Hz"
+        yield f"{what}, which {format} has; tum has their times"
+
+
+def _body_not_held(format: str, clips: Sequence["ExportedClip"]) -> Iterator[str]:
     body = clips[0].clip.motion.body
     if format == "3dpw" and not body.startswith(SMPL):
         yield f"shape and path are of the body {body}, and all but gmrdata take them for SMPL's"
+    if format == "wham":
+        for one, n in ((one, _n_shapes(one)) for one in clips):
+            if n > N_BETAS:
+                yield f"{one.id} has {n} shape coefficients in wham, WHAM's own files {N_BETAS}"
     if format == "amass":
         from gmrdata.write.amass import smpl_legs
 
         if abs((share := smpl_legs(clips[0].clip.motion, clips[0].body)) - 1) > SAME_LEGS:
             yield f"SMPL's mean legs walk {share:.3f} of the path in amass; bvh has all of it"
-    fps_hz = clips[0].clip.motion.fps_hz
-    if format in STEADY and (off_s := _off_a_rate_s(format, clips[0])) > 0.5 / fps_hz:
-        what = f"the video's frames are up to {off_s:.2f} s off a steady {fps_hz:.5g} Hz"
-        yield f"{what}, which {format} has; tum has their times"
+
+
+def _n_shapes(exported: "ExportedClip") -> int:
+    """Shape coefficients of SMPL's up to the last that says something; 0 of another body."""
+    motion = exported.clip.motion
+    return len(np.trim_zeros(motion.shape, "b")) if motion.body.startswith(SMPL) else 0
 
 
 def _off_a_rate_s(format: str, exported: "ExportedClip") -> float:
@@ -304,12 +319,7 @@ def _trajectory(exported: "ExportedClip", of: Trajectory) -> tuple[np.ndarray, n
 
 def export_3dpw(clips: Sequence["ExportedClip"], options: ExportOptions) -> Writer:
     """The people of a sequence; of those who were rejected no frame is `campose_valid`."""
-    from gmrdata.read.threedpw_files import (
-        N_KEYPOINTS,
-        SMPL_SHAPES,
-        find_sequence,
-        read_sequence_file,
-    )
+    from gmrdata.read.threedpw_files import N_KEYPOINTS, find_sequence, read_sequence_file
     from gmrdata.threedpw.clips import sequence_arrays, with_original
     from gmrdata.write.threedpw import sequence_bytes
 
@@ -321,9 +331,8 @@ def export_3dpw(clips: Sequence["ExportedClip"], options: ExportOptions) -> Writ
     _usable(clips, "campose_valid is 0 in all frames")
     _require_images_by_row(clips[0])
     for one in clips:
-        if one.clip.motion.body.startswith(SMPL) and one.clip.motion.shape[SMPL_SHAPES:].any():
-            what = f"{len(one.clip.motion.shape)} shape coefficients, 3DPW has {SMPL_SHAPES}"
-            raise BadSequence(f"clip {one.id} has {what}")
+        if (n := _n_shapes(one)) > N_BETAS:
+            raise BadSequence(f"clip {one.id} has {n} shape coefficients, 3DPW has {N_BETAS}")
     name = clips[0].sequence
     unseen = [np.zeros((one.clip.motion.n_frames, N_KEYPOINTS, 3)) for one in clips]
     arrays = sequence_arrays(

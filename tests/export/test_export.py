@@ -375,6 +375,16 @@ def test_frames_are_those_of_the_whole_video(walkers, small_body, tmp_path, ever
     assert found.frame_numbers.tolist() == np.array(numbers)[clip.valid].tolist()
 
 
+@pytest.mark.parametrize(("last", "is_said"), [(0.0, False), (0.3, True)])
+def test_more_betas_than_wham_has_are_said(walkers, small_body, tmp_path, capsys, last, is_said):
+    motion = replace(walkers[0].motion, body="smpl-neutral", shape=np.append(np.zeros(15), last))
+    clip = replace(walkers[0], id="walk", motion=motion)
+    save_clip(tmp_path / PERSON, clip, small_body.rest_pelvis_m(walkers[0].motion.shape))
+    gmrdata.export(tmp_path / PERSON, ["wham"], tmp_path)
+    said = " ".join(capsys.readouterr().err.split())
+    assert ("walk has 16 shape coefficients in wham, WHAM's own files 10" in said) is is_said
+
+
 def test_a_frame_alone_is_no_file(walkers, small_body, tmp_path, capsys):
     """One was written, which our own reader refuses: `motions` on the folder ended in an error."""
     clip = walkers[0]
