@@ -110,7 +110,7 @@ def reconstruct(
         except NoReconstruction as error:
             # The reduced frames are gone when somebody reads this.
             raise error.of(frames.folder) from None
-        return {} if frames.video_path else {IMAGES_FACT: str(frames.folder.absolute())}
+        return {} if frames.video_path else {IMAGES_FACT: str(frames.folder.resolve())}
 
     inputs = frames.inputs | ({} if masks_dir is None else {"masks": masks_dir})
     return run_stage("sfm", out_dir, recipe, inputs, work, run=run)

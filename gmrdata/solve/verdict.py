@@ -247,7 +247,7 @@ def judge_video(solved: Solved) -> VideoVerdict:
     if decide and not people:
         reasons = reasons or (NOBODY, *solved.remarks)
     return VideoVerdict(
-        images_dir=FRAMES if frames.video_path else str(frames.folder.absolute()),
+        images_dir=FRAMES if frames.video_path else str(frames.folder.resolve()),
         fps_hz=frames.rate_hz,
         accepted=not reasons,
         reasons=reasons,

@@ -197,6 +197,14 @@ def test_a_page_of_another_verdict_is_not_left(tmp_path, is_other):
     assert contents(out / "files").keys() == {"notes.txt"}
 
 
+def test_a_verdict_names_the_images_folder_alike_from_any_working_directory(tmp_path):
+    """From another one it was another verdict, which took the page and the files with it."""
+    frames, out = grey_images(tmp_path / "a"), tmp_path / "out"
+    for same in (frames, out / ".." / "a"):
+        verdict = VideoVerdict.read(solve_video(same, out, **ALONE))
+        assert verdict.images_dir == str(frames)
+
+
 def test_a_page_that_is_no_verdicts_stays(tmp_path):
     out = tmp_path / "out"
     (out / OVERLAY).mkdir(parents=True)
