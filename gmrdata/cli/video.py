@@ -251,11 +251,7 @@ def _solve_one(
         flags.say_lost(out / "frames")
     if not as_json:
         _say(verdict)
-    made = None
-    if page:
-        made = leave_files_and_page(out, verdict)
-    else:
-        leave_files(out, verdict)
+    made = (leave_files_and_page if page else leave_files)(out, verdict)
     if as_json:
         made_text, said = made and str(made), verdict.model_dump(mode="json")
         answer_json({"out": str(out), "page": made_text, "verdict": said})

@@ -66,8 +66,7 @@ def check_masks(masks_dir: Path, frames: FrameSet) -> None:
     first one's at another size; errors as of `folder_masks`."""
     _require_of_taken_frames(masks_dir, frames)
     masks = [find_mask(masks_dir, image) for image in frames.paths]
-    for path in masks[:1]:
-        _read_mask(path, frames.size_px)
+    _read_mask(masks[0], frames.size_px)
 
 
 def _require_of_taken_frames(masks_dir: Path, frames: FrameSet) -> None:

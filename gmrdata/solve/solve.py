@@ -457,15 +457,13 @@ def people_masks(
     None where there are none: silhouettes lie on the bodies by themselves, and nobody knows what is
     in a folder.
     """
-    by_boxed: dict[bool, PeopleMasks] = {}
-    for name, source in config.named:
-        if shows_people(source):
-            boxed = isinstance(source, OnnxSource)
-            masks = PeopleMasks(
-                sources_dir(masks_dir) / name, source.dilate_px, boxed, followed_dir
-            )
-            by_boxed.setdefault(boxed, masks)
-    return by_boxed.get(False, by_boxed.get(True))
+    by_source = sources_dir(masks_dir)
+    shown = [
+        PeopleMasks(by_source / name, one.dilate_px, isinstance(one, OnnxSource), followed_dir)
+        for name, one in config.named
+        if shows_people(one)
+    ]
+    return min(shown, key=lambda masks: masks.boxed, default=None)
 
 
 def _fusion(solved: Solved) -> Solved:

@@ -34,7 +34,7 @@ from gmrdata.values.files import STAGE_FILE
 from gmrdata.values.frame_set import VideoRecord
 from gmrdata.values.people import DOUBTS_FILE, PSEUDO_GT
 from gmrdata.values.records import Record
-from gmrdata.world.bodies import unseen_reasons
+from gmrdata.world.bodies import NOT_SEEN
 from gmrdata.world.judge import PseudoGtQuality, load_record
 from gmrdata.world.recipe import Doubts, PseudoGtConfig, Verdict, verdict_of
 from gmrdata.write.cameras import BINARY_FOLDER, TEXT_FOLDER
@@ -80,8 +80,8 @@ def write_doubts(
     path, doubts = out_dir / DOUBTS_FILE, video_doubts(video, clips)
     if lens is not None:
         frames = tuple(
-            tuple(one or other for one, other in zip(mine, its, strict=True))
-            for mine, its in zip(unseen_reasons(clips), doubts.frames, strict=True)
+            tuple(one if known else NOT_SEEN for known, one in zip(clip.valid, its, strict=True))
+            for clip, its in zip(clips, doubts.frames, strict=True)
         )
         wrong = (of_people.get(clip.id, "") for clip in clips)
         frames = tuple(len(of) * (w,) if w else of for w, of in zip(wrong, frames, strict=True))
@@ -102,14 +102,12 @@ def video_doubts(video: VideoRecord | None, clips: Sequence[Clip]) -> Doubts:
         f"{lost}, so that body and image may not belong together" for lost in lost_frames(video)
     ]
     step_s = np.diff(video.times_of(clips[0].image_numbers), prepend=np.nan)  # the same of all
+    usual_s = float(np.nanmedian(step_s)) if np.isfinite(step_s).any() else np.nan
     odd: dict[float, tuple[str, ...]] = {}
     for fps_hz in dict.fromkeys(clip.motion.fps_hz for clip in clips):
         # Speeds are computed from the body's rate, so they are wrong by as much as it is.
-        if np.isfinite(step_s).any() and (
-            abs(np.nanmedian(step_s) * fps_hz - 1.0) > MAX_RATE_ERROR
-        ):
-            shown_hz = 1.0 / np.nanmedian(step_s)
-            sequence.append(f"the body has {fps_hz:g} frames per second, the video {shown_hz:g}")
+        if abs(usual_s * fps_hz - 1.0) > MAX_RATE_ERROR:
+            sequence.append(f"the body has {fps_hz:g} frames per second, the video {1 / usual_s:g}")
             return Doubts(frames=nothing, sequence=tuple(sequence))
         odd[fps_hz] = tuple(_odd_steps(step_s, fps_hz))
     frames = tuple(odd[clip.motion.fps_hz] for clip in clips)

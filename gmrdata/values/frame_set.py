@@ -64,8 +64,7 @@ class VideoRecord(Record):
 
     def times_of(self, image_numbers: np.ndarray) -> np.ndarray:
         """(T,) times of images by number [s]; NaN of a number that no image has."""
-        pairs = zip(self.numbers, self.times_s, strict=True)
-        known = {number // self.every: time_s for number, time_s in pairs}
+        known = dict(zip(self.frame_of, self.times_s, strict=True))
         return np.array([known.get(int(number), np.nan) for number in image_numbers])
 
 

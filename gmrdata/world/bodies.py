@@ -1,6 +1,5 @@
 """Stage: the people of another system's file, placed before a video's camera, as clips."""
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal
 
@@ -385,8 +384,3 @@ def _facts(
         height_m=height_m(body, clip.motion.shape),
         size_sigma=size_sigma,
     )
-
-
-def unseen_reasons(clips: Sequence[Clip]) -> tuple[tuple[str, ...], ...]:
-    """For each person T texts: why a frame can't be used for want of a pose; else empty."""
-    return tuple(tuple("" if known else NOT_SEEN for known in clip.valid) for clip in clips)

@@ -140,32 +140,35 @@ def _npz(path: Path) -> EstimatedPeople:
 
 
 def _pickled(content: Any, path: Path) -> EstimatedPeople:
-    if isinstance(content, dict) and not content:
-        return EstimatedPeople("vibe", (path,), ())
     if sam3d.are_rows(content):
         return sam3d.read_sam3d(content, path)
-    if isinstance(content, dict) and content.keys() >= prompthmr.KEYS:
+    if not isinstance(content, dict):
+        raise _unknown(path, kind_of(content))
+    if content.keys() >= prompthmr.KEYS:
         return prompthmr.read_prompthmr(content, path)
-    first = next(iter(content.values())) if isinstance(content, dict) else None
-    keys: set[Any] = set(first) if isinstance(first, Mapping) else set()
-    if isinstance(content, dict) and content.keys() & _PARAMS:
+    if content.keys() & _PARAMS:
         is_gem = bool(content.keys() & {gem.GEM.world, gem.GEM.camera})
         return gem.read_gem(content, path) if is_gem else gvhmr.read_gvhmr(content, path)
+    first = next(iter(content.values()), None)
+    keys: set[Any] = set(first) if isinstance(first, Mapping) else set()
     if keys >= phalp.FRAME_KEYS:
         return phalp.read_phalp(content, path)
     if keys & set(wham.WORLD_KEYS) or keys >= set(wham.CAMERA_KEYS):
         return wham.read_wham(content, path)
-    if keys & vibe.KEYS:
+    if keys & vibe.KEYS or not content:
         return vibe.read_vibe(content, path)
-    if isinstance(content, dict) and (motion := _plain_motion(content, path)) is not None:
+    if (motion := _plain_motion(content, path)) is not None:
         return _with_amass_keys(motion, path)
     kind = "its first entry"
-    if isinstance(content, dict) and not keys and isinstance(next(iter(content)), str):
+    if not keys and isinstance(next(iter(content)), str):
         kind, keys = "it", set(content)
     has = ", ".join(sorted(key[:40] for key in keys if isinstance(key, str))[:12])
-    has = f"{kind} has: {has or 'no dict'}" if isinstance(content, dict) else kind_of(content)
+    raise _unknown(path, f"{kind} has: {has or 'no dict'}")
+
+
+def _unknown(path: Path, has: str) -> BadMotionFile:
     what = f"holds no poses in a known form ({has})"
-    raise BadMotionFile(f"{path}: {what}. {KNOWN}, .npz, .bvh and .amc")
+    return BadMotionFile(f"{path}: {what}. {KNOWN}, .npz, .bvh and .amc")
 
 
 def _built_in(folder: Path) -> EstimatedPeople:
