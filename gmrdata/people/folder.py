@@ -72,9 +72,10 @@ def check_masks(masks_dir: Path, frames: FrameSet) -> None:
 def _require_of_taken_frames(masks_dir: Path, frames: FrameSet) -> None:
     """Refuse masks beyond the last image, as of all frames where every n-th was taken, or numbered
     from 1: their names fit the wrong images."""
-    if frames.video is None or not masks_dir.is_dir():
+    if (frames.video is None and frames.video_path is None) or not masks_dir.is_dir():
         return
-    every, last = frames.video.every, max(frames.video.frame_of)
+    last = int(frames.numbers[-1]) if frames.video is None else max(frames.video.frame_of)
+    every = int(frames.frame_numbers[-1] // frames.numbers[-1])
     stems = [path.name.split(".")[0] for path in masks_dir.glob("*.png")]
     numbers = {int(stem) for stem in stems if stem.isdecimal()}
     if 0 not in numbers and 1 in numbers and frames.numbers[0] > 1:

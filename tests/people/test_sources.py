@@ -12,6 +12,7 @@ from gmrdata.people.folder import (
     RECORD_FILE,
     FolderMaskConfig,
     UnionConfig,
+    check_masks,
     folder_masks,
     unite_masks,
 )
@@ -31,7 +32,7 @@ from gmrdata.people.sources import (
     person_masks,
 )
 from gmrdata.read.frames import read_frames, read_gray
-from gmrdata.read.video import VideoConfig, as_frames
+from gmrdata.read.video import VideoConfig, as_frames, expected_frames
 from gmrdata.solve.request import SequenceConfig
 from gmrdata.values.errors import BadFrames, BadRecipe, MissingInput, StaleOutput
 from tests.fixtures.command_line import Answer
@@ -292,12 +293,15 @@ def test_masks_of_all_frames_are_not_laid_on_every_second(tmp_path):
     video = make_video(tmp_path / "a.mp4")
     frames = as_frames(video, tmp_path / "frames", VideoConfig(every=2))
     of_all = put(tmp_path / "all", *[WHITE] * 8)
-    with pytest.raises(
-        BadFrames, match="all: masks go beyond image 3, .*; keep those of frames 0, 2, 4"
-    ):
-        folder_masks(of_all, frames, tmp_path / "out", FolderMaskConfig())
+    planned = expected_frames(video, VideoConfig(every=2))
+    for check in (as_ours, lambda masks, images, out: check_masks(masks, planned)):
+        with pytest.raises(
+            BadFrames, match="all: masks go beyond image 3, .*; keep those of frames 0, 2, 4"
+        ):
+            check(of_all, frames.folder, tmp_path / "out")
     of_taken = put(tmp_path / "taken", *[WHITE] * 4)
     folder_masks(of_taken, frames, tmp_path / "out", FolderMaskConfig())
+    check_masks(of_taken, planned)
 
     # Of a part nobody can tell: the remedy for all frames laid right masks on the wrong images.
     some = as_frames(video, tmp_path / "some", VideoConfig(every=2, to_s=0.16))
