@@ -287,11 +287,13 @@ def say_lost(frames_dir: Path) -> None:
 
 
 def one_person(clip_path: Path, body: str) -> tuple[PersonFiles, ...]:
-    """One person's clip, with the body of `--body`, or of its folder the person's own."""
+    """One person's clip before the camera, with the body of `--body`, or of its folder the
+    person's own."""
     from gmrdata.read.bodies import body_file
-    from gmrdata.values.clip import load_clip
+    from gmrdata.values.clip import load_camera_clip
 
-    name = load_clip(clip_path).motion.body if Path(body).expanduser().is_dir() else body
+    own = load_camera_clip(clip_path).motion.body
+    name = own if Path(body).expanduser().is_dir() else body
     return (PersonFiles(clip_path, body_file(body, name)),)
 
 

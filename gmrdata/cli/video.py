@@ -43,6 +43,8 @@ def masks(
     drawn = any(isinstance(one, SilhouetteSource) for one in config.sources)
     if camera_body is not None and not drawn:
         raise BadRecipe("--camera-body is for silhouette, which is not named")
+    if camera_body is None and drawn:
+        raise MissingInput("silhouette needs a clip in the camera's frame: pass --camera-body")
     network_files(config)  # what lacks is said before frames are taken
     people = () if camera_body is None else flags.one_person(camera_body, body)
     if dry_run:

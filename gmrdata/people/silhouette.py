@@ -11,8 +11,8 @@ from gmrdata.read.frames import write_gray
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.body import BodyModel
-from gmrdata.values.clip import Clip, camera_of, clip_on_body, load_clip, rows_of_numbers
-from gmrdata.values.errors import BadFrames, BadMotionFile, MissingInput
+from gmrdata.values.clip import Clip, camera_of, clip_on_body, load_camera_clip, rows_of_numbers
+from gmrdata.values.errors import BadFrames, MissingInput
 from gmrdata.values.frame_set import FrameSet
 from gmrdata.values.people import PersonFiles, stage_inputs
 from gmrdata.values.records import Config
@@ -178,11 +178,9 @@ def rows_that_show(valid: np.ndarray, row: int, bridge_frames: int) -> list[int]
 
 
 def _clip(clip_path: Path, image: Path, size_px: tuple[int, int]) -> Clip:
-    clip = load_clip(clip_path)
-    if clip.motion.frame != "camera" or clip.camera is None:
-        raise BadMotionFile(f"{clip_path}: silhouettes need a camera-frame motion with intrinsics")
-    if size_px != (clip.camera.width_px, clip.camera.height_px):
-        said = f"{clip_path} says {clip.camera.width_px}x{clip.camera.height_px} px"
+    clip = load_camera_clip(clip_path)
+    if size_px != (own_px := camera_of(clip).lens.size_px):
+        said = f"{clip_path} says {own_px[0]}x{own_px[1]} px"
         raise BadFrames(f"{image}: {size_px[0]}x{size_px[1]} px, but {said}")
     return clip
 

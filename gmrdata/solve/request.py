@@ -15,6 +15,7 @@ from gmrdata.read.video import VideoConfig, has_times
 from gmrdata.read.video_files import NamedVideo
 from gmrdata.stage.progress import remark
 from gmrdata.stage.run import DEFAULT_RUN, Run
+from gmrdata.values.clip import load_camera_clip
 from gmrdata.values.errors import BadRecipe, MissingInput, NoReconstruction
 from gmrdata.values.files import as_paths
 from gmrdata.values.frame_set import FrameSet, require_rate
@@ -124,8 +125,11 @@ class SolveRequest:
         Raises:
             MissingInput: the source is not there.
             BadRecipe: as `require_rate`, but for people who are given: these have times.
-            BadMotionFile and what else `read_system` raises of another system's results.
+            BadMotionFile: people who are given are not before a camera.
+            And what `read_system` raises of another system's results.
         """
+        for person in self.given.files:
+            load_camera_clip(person.clip_path)
         if not isinstance(self.people, GivenPeople):
             if not self.source.exists():
                 raise MissingInput(f"{self.source}: no such video, or folder of images")

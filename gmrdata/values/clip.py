@@ -77,6 +77,15 @@ def camera_of(clip: Clip) -> CameraPath:
     return clip.camera
 
 
+def load_camera_clip(path: Path) -> Clip:
+    """A clip before its camera, with that; BadMotionFile for another."""
+    clip = load_clip(path)
+    if clip.motion.frame != "camera" or clip.camera is None:
+        what = "no camera-frame motion with intrinsics"
+        raise BadMotionFile(f"{path}: {what}. Give a clip as in bodies/ of `gmrdata video`")
+    return clip
+
+
 def clip_on_body(clip: Clip, body: BodyModel) -> Clip:
     """A clip with as many shape coefficients as its body has, see `on_body`."""
     return replace(clip, motion=on_body(clip.motion, body))

@@ -14,11 +14,15 @@ from gmrdata.cli.video import leave_files
 from gmrdata.read.body_file import save_body
 from gmrdata.read.frames import write_gray
 from gmrdata.solve.plan import VideoPlan
+from gmrdata.solve.request import SequenceConfig
+from gmrdata.solve.solve import solve_sequence
 from gmrdata.solve.verdict import VideoVerdict, unsolved
 from gmrdata.solve.videos import Videos
 from gmrdata.twins.pseudo_gt_error import compare_clips
 from gmrdata.values.body import BodyModel
-from gmrdata.values.clip import Clip, camera_of, load_clip
+from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
+from gmrdata.values.errors import BadMotionFile
+from gmrdata.values.people import PersonFiles
 from tests.film.set_kills import contents
 from tests.filming import INTRINSICS_PX, write_pictures
 from tests.fixtures.command_line import fails_cleanly
@@ -275,6 +279,24 @@ def test_a_folder_of_masks_of_another_size_is_refused_before_others_are_made(
     (masks / "00000.png").unlink()
     fails_cleanly(gmrdata(*command), f"{masks}: no mask for 00000.jpg")
     assert not (out / "masks_by").exists()
+
+
+@pytest.mark.parametrize("dry_run", [(), ("--dry-run",)])
+def test_a_body_that_is_not_before_the_camera_is_refused_before_frames_are_taken(
+    dry_run, walkers, small_body, tmp_path, gmrdata
+):
+    """A dry run took it, and sfm made the masks of a folder or a detector first."""
+    source, out, clip_path = make_video(tmp_path / "walk.mp4"), tmp_path / "out", tmp_path / "w.npz"
+    save_clip(clip_path, walkers[0], small_body.rest_pelvis_m(walkers[0].motion.shape))
+    given = (source, "--out", out, "--masks", "silhouette", *dry_run)
+    for verb in ("sfm", "masks"):
+        answer = gmrdata(verb, *given, "--camera-body", clip_path)
+        fails_cleanly(answer, "w.npz: no camera-frame motion with intrinsics")
+    fails_cleanly(gmrdata("masks", *given), "a clip in the camera's frame: pass --camera-body")
+    person = PersonFiles(clip_path, clip_path)
+    with pytest.raises(BadMotionFile, match=r"w\.npz: no camera-frame motion"):
+        solve_sequence(source, (person,), out, SequenceConfig(masks=None))
+    assert not out.exists()
 
 
 @pytest.mark.parametrize("dry_run", [(), ("--dry-run",)])
