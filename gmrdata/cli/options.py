@@ -287,8 +287,7 @@ def say_lost(frames_dir: Path) -> None:
 
 
 def one_person(clip_path: Path, body: str) -> tuple[PersonFiles, ...]:
-    """One person's clip before the camera, with the body of `--body`, or of its folder the
-    person's own."""
+    """One person's clip, with the body of `--body`, or of its folder the person's own."""
     from gmrdata.read.bodies import body_file
     from gmrdata.values.clip import load_camera_clip
 

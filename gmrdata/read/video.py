@@ -88,9 +88,8 @@ def has_times(source: Path) -> bool:
 
 
 def expected_frames(path: Path, config: VideoConfig) -> FrameSet:
-    """About which frames `extract_video` would take, without times, and with the first one's name
-    alone: by the times in the file's index or of its packets, and its first picture.  Errors as
-    there."""
+    """About which frames `extract_video` would take, without times, and paths but for the first: by
+    the times in the file's index or of its packets, and its first picture.  Errors as there."""
     import av
 
     require_file(path)

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from gmrdata.read.frames import IMAGE_SUFFIXES
@@ -125,12 +125,8 @@ def with_poses(found: FoundVideos, folder: Path) -> FoundVideos:
         raise BadRecipe(f"--poses {folder}: {what}. Give that, or one video alone")
     entries = _poses_in(folder)
     videos = [
-        NamedVideo(
-            video.name,
-            video.path,
-            entries.pop(video.name, None) or entries.pop(f"demo_{video.name}", None),
-        )
-        for video in found.videos
+        replace(v, poses_path=entries.pop(v.name, None) or entries.pop(f"demo_{v.name}", None))
+        for v in found.videos
     ]
     without = [video.name for video in videos if video.poses_path is None]
     if len(without) == len(videos):

@@ -125,8 +125,7 @@ class SolveRequest:
         Raises:
             MissingInput: the source is not there.
             BadRecipe: as `require_rate`, but for people who are given: these have times.
-            BadMotionFile: people who are given are not before a camera.
-            And what `read_system` raises of another system's results.
+            BadMotionFile: people are not before a camera; and what else `read_system` raises.
         """
         for person in self.given.files:
             load_camera_clip(person.clip_path)

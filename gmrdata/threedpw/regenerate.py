@@ -372,15 +372,9 @@ def _verdict(files: SequenceFiles, paths: SetPaths) -> SequenceVerdict:
 
 def _failed(name: str, split: str, reason: str) -> SequenceVerdict:
     return SequenceVerdict(
-        sequence=name,
-        split=split,
-        accepted=False,
-        reasons=(reason.splitlines()[0],),
-        camera_motion="none",
-        kept_share=0.0,
-        scale=None,
-        scale_sigma=None,
-    )
+        sequence=name, split=split, accepted=False, reasons=(reason.splitlines()[0],),
+        camera_motion="none", kept_share=0.0, scale=None, scale_sigma=None,
+    )  # fmt: skip
 
 
 LIST_HEADINGS = ("sequence", "split", "people", "frames", "size [px]", "usable", "problems")

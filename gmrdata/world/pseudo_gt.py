@@ -152,13 +152,9 @@ def make_pseudo_gt(
             save_clip(partial / person_file(number), kept, body.rest_pelvis_m(clip.motion.shape))
         record.write(partial / files.QUALITY_FILE)
 
-    recipe: Config = config
-    if evidence.focal_sigma or evidence.size_sigmas:
-        recipe = _WithErrors(
-            pseudo_gt=config,
-            focal_sigma=evidence.focal_sigma,
-            size_sigmas=evidence.size_sigmas,
-        )
+    sigmas = {"focal_sigma": evidence.focal_sigma, "size_sigmas": evidence.size_sigmas}
+    known = not any(sigmas.values())
+    recipe = config if known else _WithErrors.model_validate({"pseudo_gt": config} | sigmas)
     return run_stage("pseudo_gt", out_dir, recipe, evidence.files, work, run=run)
 
 
