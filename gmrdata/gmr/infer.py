@@ -43,7 +43,7 @@ from gmrdata.read.bodies import load_body
 from gmrdata.read.systems.result import files_beside, result_file
 from gmrdata.stage.progress import remark, track
 from gmrdata.stage.run import DEFAULT_RUN, Run
-from gmrdata.stage.store import NotMade, Resumable, check_out, run_stage
+from gmrdata.stage.store import Resumable, check_out, run_stage
 from gmrdata.values import limits, transforms
 from gmrdata.values.body import WORLD_FROM_REST, BodyModel
 from gmrdata.values.clip import Clip, save_clip
@@ -293,8 +293,6 @@ def infer(
     inputs |= {key: Path(it) for key, it in others.items() if it is not None}
     if check_out("infer", out_dir, config, inputs, run):
         return out_dir
-    if run.only_look:
-        raise NotMade(out_dir)
     # Before anything is written, so that a bad file leaves nothing behind.
     body = load_body(body_path)
     gmr = load_gmr(run_dir, config.which)

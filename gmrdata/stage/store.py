@@ -138,15 +138,10 @@ def run_stage(
             costly work was begun so; or an input is in it.
         NotMade: there is work to do, and the run only looks.
     """
-    folder = _behind_link(out_dir)
     if run.only_look:
-        if check_out(name, out_dir, config, inputs, run):
-            return out_dir
-        partial, begun = partial_of(folder), False
-        if isinstance(work, Resumable) and work.costly and partial.is_dir():  # else not hashed
-            recipe = _recipe(name, config, _InputHashes(folder, run).of(inputs))
-            begun = _goes_on(partial, recipe, work, run)
-        raise NotMade(out_dir, begun=begun)
+        check_out(name, out_dir, config, inputs, run, work)
+        return out_dir
+    folder = _behind_link(out_dir)
     _keep_inputs(folder, inputs)
     with locked(folder) as alone:
         hashes = _InputHashes(folder, run)
@@ -180,22 +175,31 @@ def _keep_inputs(out_dir: Path, inputs: Mapping[str, Path]) -> None:
 
 
 def check_out(
-    name: str, out_dir: Path, config: Config, inputs: Mapping[str, Path], run: Run
+    name: str,
+    out_dir: Path,
+    config: Config,
+    inputs: Mapping[str, Path],
+    run: Run,
+    work: Work | Resumable | None = None,
 ) -> bool:
-    """Whether `run_stage` would find its folder complete; its StaleOutput for one that it refuses.
+    """Whether `run_stage` would find its folder complete; its StaleOutput for one that it refuses,
+    and its NotMade.
 
     Nobody is waited for: the folder appears as a whole.  A stage that works for long before it
     calls `run_stage` asks this first.
     """
-    out_dir = _behind_link(out_dir)
-    _keep_inputs(out_dir, inputs)
-    if not out_dir.exists():
-        return False
-    hashes = _InputHashes(out_dir, run)
-    if _is_stale(out_dir, _recipe(name, config, hashes.of(inputs)), run):
-        return False
-    hashes.remember()
-    return True
+    folder = _behind_link(out_dir)
+    _keep_inputs(folder, inputs)
+    hashes = _InputHashes(folder, run)
+    if folder.exists() and not _is_stale(folder, _recipe(name, config, hashes.of(inputs)), run):
+        hashes.remember()
+        return True
+    if run.only_look:
+        partial, begun = partial_of(folder), False
+        if isinstance(work, Resumable) and work.costly and partial.is_dir():  # else not hashed
+            begun = _goes_on(partial, _recipe(name, config, hashes.of(inputs)), work, run)
+        raise NotMade(out_dir, begun=begun)
+    return False
 
 
 def state_of(look: Callable[[], object]) -> str:

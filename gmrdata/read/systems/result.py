@@ -115,10 +115,9 @@ def is_system_npz(arrays: Mapping[str, np.ndarray]) -> bool:
 
 def files_beside(path: Path) -> dict[str, Path]:
     """What a file of poses is read with, by role: SLAHMR's alone is not whole in itself."""
-    is_npz = path.suffix.lower() == ".npz" and path.is_file()
-    arrays = read_npz(path, plain_alone=True) if is_npz else {}
-    is_slahmr = arrays.keys() >= slahmr.KEYS and is_system_npz(arrays)
-    return slahmr.files_beside(path) if is_slahmr else {}
+    beside = slahmr.files_beside(path) if path.suffix.lower() == ".npz" else {}
+    arrays = read_npz(path, plain_alone=True) if beside and path.is_file() else {}
+    return beside if arrays.keys() >= slahmr.KEYS and is_system_npz(arrays) else {}
 
 
 def _npz(path: Path) -> EstimatedPeople:
