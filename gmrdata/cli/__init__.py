@@ -115,7 +115,7 @@ OUTPUTS = ("out", "redo", "run", "demo_out")
 """Arguments of verbs that name no file to read."""
 WITH_REMEDIES = ("detector", "landmark_network", "maskrcnn", "errors")
 """Files whose own messages say, too, what makes or fetches them."""
-WORDS = ("own", "none", "bundled")
+WORDS = ("anny", "own", "none", "bundled")
 """What may stand for a path where a verb says so."""
 
 
@@ -137,8 +137,8 @@ def _paths(arguments: Mapping[str, Any]) -> Iterator[Path]:
     for name, value in arguments.items():
         if name in (*OUTPUTS, *WITH_REMEDIES):
             continue
-        if isinstance(value, Path):
-            yield value
+        if isinstance(value, Path) or (name == "body" and value is not None):  # a text
+            yield Path(value).expanduser()
         elif isinstance(value, tuple):
             yield from (one for one in value if isinstance(one, Path))
         elif is_dataclass(value) and not isinstance(value, type):

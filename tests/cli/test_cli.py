@@ -231,6 +231,7 @@ def test_missing_things_are_named(gmrdata, tmp_path):
         "evaluate . nofile.yaml --out o",
         "evaluate nofile --out o",
         "train nofile.yaml --out o",
+        "train . --body nofile.npz --out o --dry-run",
         "run gmr --manifest nofile.yaml --out o",
         "fuse nofile --out o",
         "compare nofile.json --out o",
