@@ -417,6 +417,7 @@ class _InputHashes:
     """
 
     def __init__(self, out_dir: Path, run: Run) -> None:
+        self._out_dir = out_dir.absolute()  # which may lie in an input, and is no part of it
         self._path = out_dir.with_name(f".{out_dir.name}.inputs")
         record = None if run.redo else _read_or_none(InputsRecord, self._path)
         self._earlier = {} if record is None else record.files
@@ -436,7 +437,8 @@ class _InputHashes:
         def hash_file(file: Path) -> str:
             return self._of_file(role + str(file)[len(str(path)) :], file)
 
-        return sha256_of_path(path, hash_file, is_flat=role == FRAMES_ROLE)
+        is_flat = role == FRAMES_ROLE
+        return sha256_of_path(path, hash_file, is_flat=is_flat, without=self._out_dir)
 
     def _of_file(self, key: str, file: Path) -> str:
         if not file.is_file():

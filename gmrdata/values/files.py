@@ -82,10 +82,15 @@ def sha256_of_file(path: Path) -> str:
 
 
 def sha256_of_path(
-    path: Path, hash_file: Callable[[Path], str] = sha256_of_file, *, is_flat: bool = False
+    path: Path,
+    hash_file: Callable[[Path], str] = sha256_of_file,
+    *,
+    is_flat: bool = False,
+    without: Path | None = None,
 ) -> str:
     """Hex SHA-256 of a file, or of a folder's paths and contents but for what stages keep of it and
-    for hidden files, which they and desktops leave; `is_flat` without the folders in it."""
+    for hidden files, which they and desktops leave; `is_flat` without the folders in it, or
+    `without` one of them, an absolute path."""
     if not path.is_dir():
         return hash_file(path)
     digest = hashlib.sha256()
@@ -93,7 +98,7 @@ def sha256_of_path(
     folders = islice(os.walk(path), 1 if is_flat else None)
     for file in sorted(Path(root, name) for root, _, names in folders for name in names):
         kept = file.name in (STAGE_FILE, RECIPE_FILE) or is_hidden(file.relative_to(path))
-        if kept or not file.is_file():
+        if kept or without in file.absolute().parents or not file.is_file():
             continue
         line = f"{file.relative_to(path).as_posix()}\0{hash_file(file)}\n"
         digest.update(line.encode(errors="surrogateescape"))  # a name's bytes may be no UTF-8

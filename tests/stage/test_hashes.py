@@ -139,6 +139,19 @@ def test_results_may_lie_in_the_folder_of_frames(frames):
         made("masks")
 
 
+def test_a_result_in_the_folder_that_it_is_of_is_no_part_of_that(tmp_path, frames, hashed):
+    """Made, it refused to be there: its own files were another input."""
+    for _ in range(2):
+        run_stage(
+            "test", frames / "out", Config(), {"poses": frames}, lambda at: (at / "a").touch()
+        )
+    assert hashed == ["0.jpg", "1.jpg", "2.jpg"]
+    (frames / "more").mkdir()
+    (frames / "more" / "3.jpg").touch()
+    with pytest.raises(StaleOutput, match=r"inputs\.poses"):
+        run_stage("test", frames / "out", Config(), {"poses": frames}, lambda _: None)
+
+
 @pytest.mark.parametrize("content", ["", "{}", '{"format": "gmrdata-inputs/1", "files": {"a": 1}}'])
 def test_a_broken_memory_costs_only_time(frames, hashed, content):
     stage(frames)
