@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from pathlib import Path
 from typing import Literal
@@ -117,6 +117,7 @@ class PredictorSource:
     inputs: Mapping[str, Path]  # its files, by their part
     open: Callable[[], Predictor]
     run_dir: Path | None = None  # of a network
+    lacking: Mapping[str, str] = field(default_factory=dict)  # why clips have none, by id
 
 
 def network_source(run_dir: Path, config: ScoreConfig) -> PredictorSource:
@@ -142,6 +143,9 @@ def network_source(run_dir: Path, config: ScoreConfig) -> PredictorSource:
 
 def clips_source(one: ClipFolder, config: ScoreConfig, beside: "ResultSets") -> PredictorSource:
     """`<clip id>.npz` for each clip, as `file_clip` reads them, on the frames of those beside."""
+    files = {clip.id: one.folder / f"{clip.id}.npz" for clip in beside.names}
+    lacking = {id: f"no prediction {it.name}" for id, it in files.items() if not it.is_file()}
+    _require_all(one.folder, lacking, config)
 
     def opened() -> Predictor:
         model = ScoredFiles(kind="files", predictions=one.name)
@@ -152,7 +156,16 @@ def clips_source(one: ClipFolder, config: ScoreConfig, beside: "ResultSets") -> 
     inputs = {"predictions": one.folder}
     if config.missing == "drop":
         inputs |= {key: path for key, path in beside.inputs().items() if path != one.folder}
-    return PredictorSource(one.name, inputs, opened)
+    return PredictorSource(one.name, inputs, opened, lacking=lacking)
+
+
+def _require_all(path: Path, lacking: Mapping[str, str], config: ScoreConfig) -> None:
+    """Refuse clips without a prediction before any is scored, unless they shall be dropped."""
+    if lacking and config.missing == "error":
+        id, reason = next(iter(lacking.items()))
+        more = f", and {len(lacking) - 1} more lack one" if len(lacking) > 1 else ""
+        remedy = "Give all, or pass --missing drop to leave those clips out"
+        raise BadMotionFile(f"{path}: {reason}, for clip {id}{more}. {remedy}")
 
 
 UNREAD: Mapping[str, Sequence[str]] = {
@@ -218,8 +231,18 @@ class ResultSets:
         With `missing` "drop" all are scored on the frames that each of them has.
         """
         people = people_of_clips(one, self.names, self.config.person)
+        lacking = {
+            clip.id: f"nobody is left for it in {one.results[clip.id].files[0].name}"
+            if clip.id in one.results
+            else f"no result of {one.name}"
+            for clip in self.names
+            if clip.id not in people
+        }
+        _require_all(self.path, lacking, self.config)
         inputs = self.inputs() if self.config.missing == "drop" else _result_files([one])
-        return PredictorSource(one.name, inputs, lambda: self._opened(one, people))
+        return PredictorSource(
+            one.name, inputs, lambda: self._opened(one, people, lacking), lacking=lacking
+        )
 
     def inputs(self) -> dict[str, Path]:
         """The files of all that are scored, by their part."""
@@ -269,7 +292,9 @@ class ResultSets:
     def _frames(self, true: Clip) -> np.ndarray:
         return frames_of_rows(true, self._images(true), self.config.first_image)
 
-    def _opened(self, one: ResultSet, people: Mapping[str, EstimatedPerson]) -> Predictor:
+    def _opened(
+        self, one: ResultSet, people: Mapping[str, EstimatedPerson], lacking: Mapping[str, str]
+    ) -> Predictor:
         config, bodies = self.config, load_bodies(self.body_path)
         clips = LazyClips([file for id, file in self._files.items() if id in people])
         matched = {clip.id: self._matched(one, people[clip.id], clip, bodies) for clip in clips}
@@ -280,9 +305,12 @@ class ResultSets:
             camera=config.camera if one.system in ("vibe", "phalp") else None,
             clips={id: match.matched for id, match in matched.items()},
         )
-        return Predictor(
-            one.name, model, config.fps_hz, lambda clip: _predicted(one, matched, config, clip)
-        )
+
+        def predict(clip: UsableClip) -> PredictedClip | str:
+            id = clip.clip.id
+            return lacking.get(id) or _predicted(one.results[id], matched[id].clip, config, clip)
+
+        return Predictor(one.name, model, config.fps_hz, predict)
 
     def _matched(
         self, one: ResultSet, person: EstimatedPerson, true: Clip, bodies: Sequence[BodyModel]
@@ -341,19 +369,8 @@ def _image_numbers(entry: ClipEntry, manifest_path: Path) -> list[int]:
 
 
 def _predicted(
-    found: ResultSet, matched: Mapping[str, MatchedClip], config: ScoreConfig, one: UsableClip
+    result: EstimatedPeople, its_clip: Clip, config: ScoreConfig, one: UsableClip
 ) -> PredictedClip | str:
-    if one.clip.id not in matched:
-        reason = f"no result of {found.name}"
-        if one.clip.id in found.results:
-            reason = f"nobody is left for it in {found.results[one.clip.id].files[0].name}"
-        if config.missing == "drop":
-            return reason
-        raise BadMotionFile(
-            f"clip {one.clip.id}: {reason}. Give one, or pass --missing drop to leave it out"
-        )
-    result = found.results[one.clip.id]
-    its_clip = matched[one.clip.id].clip
     predicted = clip_beside_truth(result.files[0], its_clip, one, config.pairing())
     world = result.people[0].in_world
     if isinstance(predicted, str) or (world is not None and world.has_camera_path):

@@ -126,9 +126,12 @@ def plan_scores(
     """Rows of `PLAN_HEADINGS`: what `score` would score, and on what; errors as there."""
     given = _ScoredOn(Path(manifest_path), None, None, None, None)
     files, skipped, _ = usable_files(given.manifest_path)
-    n_frames = sum(file.entry.n_frames for file in files)
-    names = [one.name for one in _sources(predictor, given, config)]
-    return [(name, str(len(files)), str(n_frames), str(len(skipped))) for name in names]
+    rows = []
+    for one in _sources(predictor, given, config):
+        frames = [file.entry.n_frames for file in files if file.entry.id not in one.lacking]
+        n_out = len(skipped) + len(one.lacking)
+        rows.append((one.name, str(len(frames)), str(sum(frames)), str(n_out)))
+    return rows
 
 
 @dataclass(frozen=True)

@@ -28,7 +28,7 @@ from gmrdata.score.predictions import Pairing, PredictedClip, network_clip
 from gmrdata.score.predictors import ScoreConfig
 from gmrdata.score.protocols import PROTOCOLS
 from gmrdata.score.records import Protocol, Scores
-from gmrdata.score.score import ScoredBodies, motion_types, score, score_clips
+from gmrdata.score.score import ScoredBodies, motion_types, plan_scores, score, score_clips
 from gmrdata.score.summary import summarise
 from gmrdata.stage.progress import answers
 from gmrdata.stage.run import Run
@@ -414,10 +414,13 @@ def test_predictions_that_are_missing(clips, small_body, body_path, tmp_path):
     manifest_path = write_clips(tmp_path / "data", small_body, clips)
     write_clips(tmp_path / "vibe_cam" / "predictions", small_body, clips[:1])
     given = (tmp_path / "vibe_cam" / "predictions", manifest_path, tmp_path / "scores")
-    with pytest.raises(BadMotionFile, match=r"predictions: no prediction clip_1\.npz"):
-        score(*given, body_path=body_path)
+    lacks = pytest.raises(BadMotionFile, match=r"predictions: no prediction clip_1\.npz.* 1 more")
+    for look in (partial(plan_scores, *given[:2], ScoreConfig()), partial(score, *given)):
+        with lacks:
+            look()
     assert not (tmp_path / "scores").exists()
     dropping = ScoreConfig(missing="drop")
+    assert plan_scores(*given[:2], dropping) == [("vibe_cam", "1", "60", "2")]
     record = json.loads(score(*given, dropping, body_path=body_path).scores[0].read_text())
     assert record["name"] == "vibe_cam"
     assert record["skipped"] == {
