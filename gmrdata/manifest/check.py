@@ -56,8 +56,7 @@ def require_sound(path: Path, clip: clip_file.Clip) -> clip_file.Clip:
 
 
 def _motion_problems(motion: Motion, kept: np.ndarray) -> Iterator[str]:
-    poses = (motion.root_rotmats, motion.local_rotmats)
-    for key, values in (*(("poses", one) for one in poses), ("trans", motion.pelvis_m)):
+    for key, values in (("poses", motion.rotmats), ("trans", motion.pelvis_m)):
         finite = np.isfinite(values).reshape(motion.n_frames, -1).all(axis=1)
         if bad := _rows(kept & ~finite):
             yield f"arrays.{key}: NaN or infinite in kept row {bad}; drop the rows with a reason"

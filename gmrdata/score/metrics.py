@@ -191,12 +191,7 @@ def acceleration_length_errors(
     return pooled(errors)
 
 
-def path_error_m(
-    predicted_m: Float[np.ndarray, "frames 3"],
-    true_m: Float[np.ndarray, "frames 3"],
-    *,
-    scale: bool,
-) -> float:
+def path_error_m(predicted_m: Places, true_m: Places, *, scale: bool) -> float:
     """ATE: mean distance of two camera paths after the best alignment of the whole [m]."""
     true_from_predicted = fit_similarity(true_m, predicted_m, scale=scale)
     return float(np.linalg.norm(true_from_predicted.apply(predicted_m) - true_m, axis=-1).mean())

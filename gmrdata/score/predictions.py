@@ -11,7 +11,7 @@ from gmrdata.gmr.runs import UsableClip, check_rate, run_slices, runs_at
 from gmrdata.motion.resample import valid_runs
 from gmrdata.values.body import BodyModel, on_body
 from gmrdata.values.clip import Clip, load_clip
-from gmrdata.values.errors import BadMotionFile, MissingInput
+from gmrdata.values.errors import BadMotionFile
 from gmrdata.values.motion import Motion, accumulate, whole_ratio
 from gmrdata.world.compose import motion_in_world
 
@@ -150,27 +150,18 @@ def known_rows(path: Path, predicted: Clip, true: Clip) -> np.ndarray:
 def file_clip(
     folder: Path, one: UsableClip, how: Pairing, shared: Callable[[Clip], np.ndarray] | None = None
 ) -> PredictedClip | str:
-    """A clip beside `<clip id>.npz` of a folder; the reason where there is no prediction.
+    """A clip beside `<clip id>.npz` of a folder; the reason where it can't be scored.
 
     The file is a clip as `save_clip` writes it, in a world of its own, or in the camera's frame:
     then its own camera puts it into the world, or the truth's where it has none.  Its row i is the
     truth's row i, or row k i where the truth's rate is k times the prediction's.  Its local pose
     and shape count in VME and in a protocol.  `shared` gives the truth's rows (T,) bool to take.
     """
-    if not folder.is_dir():
-        raise MissingInput(f"{folder}: no such folder of predictions")
     path = folder / f"{one.clip.id}.npz"
-    if path.is_file():
-        predicted = load_clip(path)
-        if shared is not None:
-            predicted = on_rows(predicted, one.clip, shared(one.clip))
-        return clip_beside_truth(path, predicted, one, how)
-    reason = f"no prediction {path.name}"
-    if how.drop_missing:
-        return reason
-    raise BadMotionFile(
-        f"{folder}: {reason}. Predict this clip too, or pass --missing drop to leave it out"
-    )
+    predicted = load_clip(path)
+    if shared is not None:
+        predicted = on_rows(predicted, one.clip, shared(one.clip))
+    return clip_beside_truth(path, predicted, one, how)
 
 
 def clip_beside_truth(

@@ -240,9 +240,7 @@ class ResultSets:
         }
         _require_all(self.path, lacking, self.config)
         inputs = self.inputs() if self.config.missing == "drop" else _result_files([one])
-        return PredictorSource(
-            one.name, inputs, lambda: self._opened(one, people, lacking), lacking=lacking
-        )
+        return PredictorSource(one.name, inputs, lambda: self._opened(one, people), lacking=lacking)
 
     def inputs(self) -> dict[str, Path]:
         """The files of all that are scored, by their part."""
@@ -292,9 +290,7 @@ class ResultSets:
     def _frames(self, true: Clip) -> np.ndarray:
         return frames_of_rows(true, self._images(true), self.config.first_image)
 
-    def _opened(
-        self, one: ResultSet, people: Mapping[str, EstimatedPerson], lacking: Mapping[str, str]
-    ) -> Predictor:
+    def _opened(self, one: ResultSet, people: Mapping[str, EstimatedPerson]) -> Predictor:
         config, bodies = self.config, load_bodies(self.body_path)
         clips = LazyClips([file for id, file in self._files.items() if id in people])
         matched = {clip.id: self._matched(one, people[clip.id], clip, bodies) for clip in clips}
@@ -305,12 +301,9 @@ class ResultSets:
             camera=config.camera if one.system in ("vibe", "phalp") else None,
             clips={id: match.matched for id, match in matched.items()},
         )
-
-        def predict(clip: UsableClip) -> PredictedClip | str:
-            id = clip.clip.id
-            return lacking.get(id) or _predicted(one.results[id], matched[id].clip, config, clip)
-
-        return Predictor(one.name, model, config.fps_hz, predict)
+        return Predictor(
+            one.name, model, config.fps_hz, lambda clip: _predicted(one, matched, config, clip)
+        )
 
     def _matched(
         self, one: ResultSet, person: EstimatedPerson, true: Clip, bodies: Sequence[BodyModel]
@@ -369,8 +362,9 @@ def _image_numbers(entry: ClipEntry, manifest_path: Path) -> list[int]:
 
 
 def _predicted(
-    result: EstimatedPeople, its_clip: Clip, config: ScoreConfig, one: UsableClip
+    found: ResultSet, matched: Mapping[str, MatchedClip], config: ScoreConfig, one: UsableClip
 ) -> PredictedClip | str:
+    result, its_clip = found.results[one.clip.id], matched[one.clip.id].clip
     predicted = clip_beside_truth(result.files[0], its_clip, one, config.pairing())
     world = result.people[0].in_world
     if isinstance(predicted, str) or (world is not None and world.has_camera_path):

@@ -126,7 +126,7 @@ def plan_scores(
     """Rows of `PLAN_HEADINGS`: what `score` would score, and on what; errors as there."""
     given = _ScoredOn(Path(manifest_path), None, None, None, None)
     files, skipped, _ = usable_files(given.manifest_path)
-    rows = []
+    rows = list[tuple[str, ...]]()
     for one in _sources(predictor, given, config):
         frames = [file.entry.n_frames for file in files if file.entry.id not in one.lacking]
         n_out = len(skipped) + len(one.lacking)
@@ -204,7 +204,8 @@ def _if_trained_on(source: PredictorSource, manifest_path: Path) -> list[str]:
 
 def _scores(source: PredictorSource, given: _ScoredOn, config: ScoreConfig) -> Scores:
     one, protocol = source.open(), config.its_protocol()
-    files, rejected, manifest = usable_files(given.manifest_path)
+    usable, left_out, manifest = usable_files(given.manifest_path)
+    files = [file for file in usable if file.entry.id not in source.lacking]
     floor = regressor = None
     if given.floor_path is not None:
         kind = manifest.kind
@@ -231,7 +232,7 @@ def _scores(source: PredictorSource, given: _ScoredOn, config: ScoreConfig) -> S
         body=names_of(body for body in bodies.of_clips if body.name in used),
         protocol=protocol,
         bootstrap=Bootstrap(resamples=config.resamples, seed=config.seed),
-        skipped=rejected | skipped,
+        skipped=left_out | dict(source.lacking) | skipped,
         dropped_frames=sum(clip.dropped_frames for clip in scored),
     )
 

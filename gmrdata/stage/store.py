@@ -182,8 +182,7 @@ def check_out(
     run: Run,
     work: Work | Resumable | None = None,
 ) -> bool:
-    """Whether `run_stage` would find its folder complete; its StaleOutput for one that it refuses,
-    and its NotMade.
+    """Whether `run_stage` would find its folder complete; its StaleOutput and NotMade otherwise.
 
     Nobody is waited for: the folder appears as a whole.  A stage that works for long before it
     calls `run_stage` asks this first.
@@ -437,8 +436,7 @@ class _InputHashes:
         def hash_file(file: Path) -> str:
             return self._of_file(role + str(file)[len(str(path)) :], file)
 
-        is_flat = role == FRAMES_ROLE
-        return sha256_of_path(path, hash_file, is_flat=is_flat, without=self._out_dir)
+        return sha256_of_path(path, hash_file, is_flat=role == FRAMES_ROLE, without=self._out_dir)
 
     def _of_file(self, key: str, file: Path) -> str:
         if not file.is_file():

@@ -88,9 +88,8 @@ def sha256_of_path(
     is_flat: bool = False,
     without: Path | None = None,
 ) -> str:
-    """Hex SHA-256 of a file, or of a folder's paths and contents but for what stages keep of it and
-    for hidden files, which they and desktops leave; `is_flat` without the folders in it, or
-    `without` one of them, an absolute path."""
+    """Hex SHA-256 of a file, or of a folder's paths and contents but for hidden files and what
+    stages keep of it; without its folders if `is_flat`, or `without` one, an absolute path."""
     if not path.is_dir():
         return hash_file(path)
     digest = hashlib.sha256()

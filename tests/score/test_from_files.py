@@ -21,7 +21,7 @@ from gmrdata.score.records import Scores
 from gmrdata.score.score import score
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip, camera_of, load_clip, save_clip
-from gmrdata.values.errors import BadBodyFile, BadMotionFile, BadRecipe, MissingInput
+from gmrdata.values.errors import BadBodyFile, BadMotionFile, BadRecipe
 from gmrdata.values.transforms import rigid
 from gmrdata.world.compose import motion_in_camera
 from tests.clip_manifests import write_clips
@@ -176,13 +176,6 @@ def test_what_can_not_be_scored_is_named(tmp_path, small_body, true):
     (tmp_path / "walk.npz").write_bytes(b"PK\x03\x04 cut off")
     with pytest.raises(BadMotionFile, match=r"walk\.npz"):
         file_clip(tmp_path, UsableClip(true, "linear"), Pairing(10.0))
-
-
-def test_a_missing_file_is_named(tmp_path, true):
-    one, dropping = UsableClip(replace(true, id="b"), "linear"), Pairing(10.0, drop_missing=True)
-    assert file_clip(tmp_path, one, dropping) == "no prediction b.npz"
-    with pytest.raises(MissingInput, match="nowhere"):
-        file_clip(tmp_path / "nowhere", one, dropping)
 
 
 def test_a_single_clip_is_not_taken_for_an_amass_file(tmp_path, small_body, true):
