@@ -51,7 +51,7 @@ from gmrdata.gmr.infer import stand
 from gmrdata.gmr.predict import TrainedGmr, deltas_at_source_rate, held, load_gmr
 from gmrdata.gmr.runs import check_finite, check_rate, given_body
 from gmrdata.motion.resample import between_known, valid_runs
-from gmrdata.read.bodies import load_body
+from gmrdata.read.bodies import body_inputs, load_body
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.body import WORLD_FROM_REST, BodyModel
@@ -130,13 +130,13 @@ class FusedInputs:
 
     def files(self, body_path: str | Path | None) -> dict[str, Path]:
         """By role, for the stage's record."""
-        paths: dict[str, str | Path | None] = {
-            "run": weights_dir(self.network_dir), "errors": self.errors_path, "body": body_path,
+        paths: dict[str, Path | None] = {
+            "run": weights_dir(self.network_dir), "errors": self.errors_path,
             "quality": self.quality_path, "doubts": self.doubts_path,
         }  # fmt: skip
         for n, path in enumerate(self.clip_paths):
             paths |= {f"clip_{n}": path, f"seen_{n}": seen_path(path)}
-        return {role: Path(path) for role, path in paths.items() if path is not None}
+        return body_inputs(body_path) | {role: path for role, path in paths.items() if path is not None}
 
 
 def seen_path(clip_path: Path) -> Path | None:

@@ -39,7 +39,7 @@ from gmrdata.gmr.runs import check_rate
 from gmrdata.motion.files import input_files
 from gmrdata.motion.local_poses import MIN_FRAMES, read_local_poses
 from gmrdata.motion.resample import ON_A_SAMPLE, resample
-from gmrdata.read.bodies import load_body
+from gmrdata.read.bodies import body_inputs, load_body
 from gmrdata.read.systems.result import files_beside, result_file
 from gmrdata.stage.progress import remark, track
 from gmrdata.stage.run import DEFAULT_RUN, Run
@@ -287,10 +287,10 @@ def infer(
     run_dir, source, out_dir = network_dir(network), result_file(Path(poses_path)), Path(out_dir)
     config = config or InferConfig()
     config = config if draw is not None else config.model_copy(update={"video": False})
-    others = {"run": weights_dir(run_dir), "joint_map": joint_map, "body": body_path}
     poses = input_files(source) | files_beside(source)
-    inputs = {f"poses_{role}": path for role, path in poses.items()}
-    inputs |= {key: Path(it) for key, it in others.items() if it is not None}
+    inputs = {"run": weights_dir(run_dir)} | body_inputs(body_path)
+    inputs |= {f"poses_{role}": path for role, path in poses.items()}
+    inputs |= {} if joint_map is None else {"joint_map": Path(joint_map)}
     if check_out("infer", out_dir, config, inputs, run):
         return out_dir
     # Before anything is written, so that a bad file leaves nothing behind.

@@ -209,7 +209,7 @@ def load_bodies(body: Path | str | None) -> tuple[BodyModel, ...]:
     return of_equal_size([one for _, one in (by_name[name] for name in sorted(by_name))])
 
 
-def body_inputs(body: Path | None, role: str = "body") -> dict[str, Path]:
+def body_inputs(body: Path | str | None, role: str = "body") -> dict[str, Path]:
     """The files of `load_bodies`, as a stage's inputs; none for the default body."""
     path = _given(body)
     if path is None or not path.is_dir():

@@ -14,6 +14,7 @@ import av
 import numpy as np
 import pytest
 
+from gmrdata.fusion.fuse import FusedInputs
 from gmrdata.gmr import infer as stage
 from gmrdata.gmr.infer import InferConfig
 from gmrdata.gmr.predict import load_gmr, predict_world_motion
@@ -339,6 +340,15 @@ def test_what_a_result_is_read_with_makes_its_motion_stale(
     other = save_bare(poses.with_name("walk.npz"), small_body, motion)
     made = infer(run_dir, other, tmp_path / "other", InferConfig(video=False), body_path=body_path)
     assert read_json(made / "stage.json")["inputs"].keys() == {"body", "run", "poses_motion"}
+
+
+def test_the_default_body_may_be_named(tmp_path, run_dir):
+    """As every other function takes it: its name was taken for that of a file."""
+    path = write_joblib(tmp_path / "v.pkl", {0: vibe_person(20)})
+    out = infer(run_dir, path, tmp_path / "out", QUICK, body_path="anny")
+    assert infer(run_dir, path, out, QUICK) == out
+    made = FusedInputs.of(out / "person_0" / "clip.npz")
+    assert made.files("anny") == made.files(None)
 
 
 def test_redo_believes_no_remembered_hash(tmp_path, run_dir, body_path):
