@@ -42,7 +42,7 @@ def fit_manifests(
     manifest_paths: Sequence[Path],
     run_dir: Path,
     config: TrainConfig,
-    body_path: Path | None,
+    body_path: Path | str | None,
     held_out_paths: Sequence[Path],
     processes: Processes,
 ) -> Split:

@@ -63,14 +63,13 @@ def train(
 
     config, run_dir = config or TrainConfig(), Path(run_dir)
     manifests, held_out = as_paths(manifest_paths), as_paths(held_out_paths)
-    body = None if body_path is None else Path(body_path)
     inputs = {f"manifest_{i}": path for i, path in enumerate(manifests)}
     inputs |= {f"held_out_{i}": path for i, path in enumerate(held_out)}
-    inputs |= body_inputs(body)
+    inputs |= body_inputs(body_path)
     processes = ALONE if run.only_look else join_processes(config.device)
 
     def work(partial_dir: Path) -> dict[str, Any]:
-        split = fit_manifests(manifests, partial_dir, config, body, held_out, processes)
+        split = fit_manifests(manifests, partial_dir, config, body_path, held_out, processes)
         made_by = {"processes": processes.count} | machine(config.device)
         return {"clips": len(split.training), "left_out": split.left_out} | made_by
 

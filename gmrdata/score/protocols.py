@@ -235,8 +235,6 @@ PROTOCOLS: dict[ProtocolName, Protocol] = {
 H36M_JOINTS = 17
 H36M_ROWS = (6, 5, 4, 1, 2, 3, 16, 15, 14, 11, 12, 13, 8, 10)
 """Rows of Human3.6M's 17 joints in the order of `LSP_JOINTS`, as SLAHMR and VIBE take them."""
-
-
 ON_3DPW: tuple[ProtocolName, ...] = ("wham", "gvhmr")
 """Protocols that measure 14 joints of Human3.6M in the camera's frame on 3DPW: WHAM's
 lib/eval/evaluate_3dpw.py and GVHMR's hmr4d/model/gvhmr/callbacks/metric_3dpw.py."""

@@ -322,8 +322,6 @@ def motion_types(manifest: Manifest) -> dict[str, str]:
 
 
 SUBSETS = {"emdb1": "EMDB 1", "emdb2": "EMDB 2"}  # figures of a clip, 1 or 0, and their names
-
-
 SUM_OFF = 0.01  # of a joint's weights, which files round
 
 

@@ -86,6 +86,11 @@ def recipe_path(name: str) -> Path:
     return _find(_RECIPES, name.removeprefix("pipelines/"), "recipe file")
 
 
+def recipe_names() -> list[str]:
+    """Names of the recipes that gmrdata carries, sorted."""
+    return _names(_RECIPES)
+
+
 def schema_v1() -> Path:
     """Path of the JSON Schema of `format: gmrdata/1`."""
     return _PUBLISHED / "schema" / "v1.json"
