@@ -136,7 +136,8 @@ class FusedInputs:
         }  # fmt: skip
         for n, path in enumerate(self.clip_paths):
             paths |= {f"clip_{n}": path, f"seen_{n}": seen_path(path)}
-        return body_inputs(body_path) | {role: path for role, path in paths.items() if path is not None}
+        there = {role: path for role, path in paths.items() if path is not None}
+        return body_inputs(body_path) | there
 
 
 def seen_path(clip_path: Path) -> Path | None:
