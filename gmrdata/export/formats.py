@@ -199,21 +199,21 @@ def export_colmap(clips: Sequence["ExportedClip"], options: ExportOptions) -> Wr
 
 
 def seen_points(
-    found: "Background", sfm_dir: Path, observations: Literal["keyframes", "all"]
+    background: "Background", sfm_dir: Path, observations: Literal["keyframes", "all"]
 ) -> tuple[Sequence[str], "ColmapPoints"]:
     """Names of solved cameras' images, and the background points as these images see them."""
     from gmrdata.world.compose import load_background_tracks
     from gmrdata.write.cameras import ColmapPoints
 
-    tracks = load_background_tracks(sfm_dir, found)
+    tracks = load_background_tracks(sfm_dir, background)
     seen = tracks if observations == "all" else tracks.of_adjusted()
-    points = ColmapPoints(found.points_m, seen.rows, seen.points, seen.image_px)
+    points = ColmapPoints(background.points_m, seen.rows, seen.points, seen.image_px)
     return tracks.image_names, points
 
 
 def write_background(
     folder: Path,
-    found: "Background",
+    background: "Background",
     image_names: Sequence[str | None],
     points: "ColmapPoints",
     images_dir: Path | None,
@@ -221,13 +221,15 @@ def write_background(
     """Solved cameras and points as a COLMAP model, with the lens that they were solved with."""
     from gmrdata.write.cameras import write_colmap
 
-    radial = None if found.lens is None else (found.lens.k1, found.lens.k2)
+    radial = None if background.lens is None else (background.lens.k1, background.lens.k2)
     if images_dir is not None:
         paths = (images_dir / name for name in image_names if name)
-        if why := _why_no_colours(next(filter(Path.is_file, paths), None), found.camera):
+        if why := _why_no_colours(next(filter(Path.is_file, paths), None), background.camera):
             remark(f"{images_dir}: {why}. Points have no colours")
             images_dir = None
-    write_colmap(folder, found.camera, image_names, points, radial=radial, images_dir=images_dir)
+    write_colmap(
+        folder, background.camera, image_names, points, radial=radial, images_dir=images_dir
+    )
 
 
 def _why_no_colours(image: Path | None, camera: "CameraPath") -> str:

@@ -115,14 +115,14 @@ class DeltaErrors(Record):
         return self
 
 
-def seen_motions(found: DoubtedMotions, fps_hz: float, errors: DeltaErrors) -> SeenMotions:
+def seen_motions(motions: DoubtedMotions, fps_hz: float, errors: DeltaErrors) -> SeenMotions:
     """A network's motions with their errors, by their own speed and doubt."""
-    speeds = mean_speeds_m_per_s(found.delta_m, fps_hz)
-    factors = doubt_factors(found.doubt, fps_hz, errors.doubt)
+    speeds = mean_speeds_m_per_s(motions.delta_m, fps_hz)
+    factors = doubt_factors(motions.doubt, fps_hz, errors.doubt)
     levels = errors.speeds_m_per_s
     fast, slow = (process_at(one, speeds, levels) for one in (errors.fast, errors.slow))
     fast, slow = (replace(one, sigma=one.sigma * factors) for one in (fast, slow))
-    return SeenMotions(found.delta_rotmats, found.delta_m, fast, slow)
+    return SeenMotions(motions.delta_rotmats, motions.delta_m, fast, slow)
 
 
 def process_at(one: ErrorPart, speeds: np.ndarray, levels: Sequence[float]) -> ErrorProcess:

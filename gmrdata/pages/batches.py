@@ -141,33 +141,35 @@ def page_name(sequence: str) -> str:
     return f"~{digest[:16]}.html"
 
 
-def _write_page(found: SolvedSequence, paths: SetPaths) -> Row:
+def _write_page(solved: SolvedSequence, paths: SetPaths) -> Row:
     """Write a sequence's page; gives its row in the index."""
-    said = found.dataset
+    said = solved.dataset
     assert said is not None
-    strips, overlay, failure = _read_frames(found, said.files), "", ""
-    page, links = paths.pages_dir / page_name(found.name), [("../index.html", "All sequences")]
+    strips, overlay, failure = _read_frames(solved, said.files), "", ""
+    page, links = paths.pages_dir / page_name(solved.name), [("../index.html", "All sequences")]
     # The page of a sequence that `gmrdata page` wrote.
-    if found.folder is not None and (found.folder / PAGE).is_file():
-        overlay = (found.folder / PAGE).relative_to(paths.root).as_posix()
+    if solved.folder is not None and (solved.folder / PAGE).is_file():
+        overlay = (solved.folder / PAGE).relative_to(paths.root).as_posix()
         links.append((quote(f"../{overlay}"), "Overlay and files"))
     if said.files is not None:
         message = paths.failures_dir / f"{said.files.name}.txt"
         if message.is_file():
             failure = quote(f"../{message.relative_to(paths.root).as_posix()}")
-    shown = solved_page(found, page, strips=strips, links=links, failure=failure)
+    shown = solved_page(solved, page, strips=strips, links=links, failure=failure)
     write_page(page, shown)
     verdict, share = said.verdict, said.verdict.scale_share
     href = quote(page.relative_to(paths.root).as_posix())
     return (
-        Cell(found.name, href=href, kind="thumbnail", sort=found.name, picture=_thumbnail(strips)),
+        Cell(
+            solved.name, href=href, kind="thumbnail", sort=solved.name, picture=_thumbnail(strips)
+        ),
         verdict.split,
         verdict.camera_motion.replace("_", " + "),
-        str(found.n_frames or NO_FIGURE),
+        str(solved.n_frames or NO_FIGURE),
         Cell(f"{verdict.kept_share:.1%}", sort=verdict.kept_share),
         Cell(verdict.scale_words or NO_FIGURE, sort=-1.0 if share is None else share),
         Cell("video", href=quote(overlay)) if overlay else "",
-        Cell(_note(verdict, found.reasons), kind="words-cell"),
+        Cell(_note(verdict, solved.reasons), kind="words-cell"),
     )
 
 
@@ -198,15 +200,15 @@ Strips = list[list[tuple[Kind | None, Tile]]]
 """Two rows of frames, the second with the kinds of reason for which they are dropped."""
 
 
-def _read_frames(found: SolvedSequence, files: SequenceFiles | None) -> Strips:
+def _read_frames(solved: SolvedSequence, files: SequenceFiles | None) -> Strips:
     """Evenly spaced frames (of a sequence that can't be read: images), and one for each reason."""
-    if files is None or found.folder is None or not files.image_dir.is_dir():
+    if files is None or solved.folder is None or not files.image_dir.is_dir():
         return [[], []]
-    numbers = range(found.n_frames) or image_numbers(files)
-    examples = example_frames(found.reasons) if found.is_solved else {}
+    numbers = range(solved.n_frames) or image_numbers(files)
+    examples = example_frames(solved.reasons) if solved.is_solved else {}
     wanted = [(None, numbers[row]) for row in spaced(len(numbers), N_TILES)]
     return [
-        [(kind, read_tile(files, found.folder / MASKS, number)) for kind, number in strip]
+        [(kind, read_tile(files, solved.folder / MASKS, number)) for kind, number in strip]
         for strip in (wanted, list(examples.items())[:N_TILES])
     ]
 

@@ -172,28 +172,28 @@ def direction_marks(camera: CameraPath) -> Marks:
     return replace(NO_MARKS, world_m=middle[:3, 3] + rays @ middle[:3, :3].T)
 
 
-def footage_of(found: SolvedSequence) -> Footage:
+def footage_of(solved: SolvedSequence) -> Footage:
     """What is drawn over the frames; MissingInput where there is nothing to draw or draw over."""
-    if found.camera is None:
-        why = "no camera was found" if found.is_alone else "no person's motion can be read"
+    if solved.camera is None:
+        why = "no camera was found" if solved.is_alone else "no person's motion can be read"
         raise MissingInput(f"{why}, so nothing has a place in the frames")
-    if not any(found.images):
+    if not any(solved.images):
         raise MissingInput("the frames are not here: give their folder with --images")
     people = tuple(
-        Performer(one.id, one.clip.motion, one.body, one.clip.valid) for one in found.people
+        Performer(one.id, one.clip.motion, one.body, one.clip.valid) for one in solved.people
     )
-    dropped = np.ones(found.n_frames, dtype=bool) if not found.reasons else ~found.kept
-    off = np.zeros(found.n_frames, dtype=bool)
-    for fit in () if found.record is None else found.record.picture_fits:
-        off |= np.isin(np.arange(found.n_frames), () if fit is None else fit.off_rows)
+    dropped = np.ones(solved.n_frames, dtype=bool) if not solved.reasons else ~solved.kept
+    off = np.zeros(solved.n_frames, dtype=bool)
+    for fit in () if solved.record is None else solved.record.picture_fits:
+        off |= np.isin(np.arange(solved.n_frames), () if fit is None else fit.off_rows)
     return Footage(
-        images=found.images,
-        masks=found.masks,
-        times_s=found.times_s,
-        camera=found.camera,
-        lens=found.lens,
+        images=solved.images,
+        masks=solved.masks,
+        times_s=solved.times_s,
+        camera=solved.camera,
+        lens=solved.lens,
         people=people,
-        marks=_marks(found) if found.is_alone else NO_MARKS,
+        marks=_marks(solved) if solved.is_alone else NO_MARKS,
         dropped=dropped,
         off=off,
     )

@@ -70,12 +70,12 @@ def write_fusion_page(folder: Path) -> Path:
     return write_page(folder / "fusion.html", render("fusion", **shown))
 
 
-def fused_shown(found: FusedPeople) -> dict[str, object]:
+def fused_shown(fused: FusedPeople) -> dict[str, object]:
     """The values of the parts of `fused.html.j2`."""
-    rows = result_rows(found.record)
+    rows = result_rows(fused.record)
     people = []
-    for number, person in enumerate(found.record.people):
-        clip, sigma = found.clips[number], found.sigmas[number]
+    for number, person in enumerate(fused.record.people):
+        clip, sigma = fused.clips[number], fused.sigmas[number]
         anchor = f"person-{number}"
         plot = svg(lambda plot, c=clip, s=sigma: plot_person(plot, c, s), *SIZE_IN, anchor)  # type: ignore[misc]
         statements = _statements(person)

@@ -282,37 +282,37 @@ def _levelled(cameras: SfmCameras) -> CameraPath:
     return replace(cameras.path, world_from_cam=level @ cameras.path.world_from_cam)
 
 
-def _judge(reader: Reader, found: SolvedSequence) -> Verdict | None:
+def _judge(reader: Reader, solved: SolvedSequence) -> Verdict | None:
     """The verdict on cameras of which no record has one."""
-    if found.folder is None or found.reconstruction is None:
+    if solved.folder is None or solved.reconstruction is None:
         return None
-    config, rate_hz = found.config.verdict, found.fps_hz if found.clips else UNKNOWN_FPS_HZ
-    return reader.read(lambda folder: judge_cameras(folder, rate_hz, config), found.folder / SFM)
+    config, rate_hz = solved.config.verdict, solved.fps_hz if solved.clips else UNKNOWN_FPS_HZ
+    return reader.read(lambda folder: judge_cameras(folder, rate_hz, config), solved.folder / SFM)
 
 
 def _with_frames(
-    reader: Reader, found: SolvedSequence, frames_dir: Path, said_hz: float
+    reader: Reader, solved: SolvedSequence, frames_dir: Path, said_hz: float
 ) -> SolvedSequence:
     """With the image, the mask and the time of each of the T frames."""
-    assert found.folder is not None
+    assert solved.folder is not None
     numbers = np.zeros(0, np.int64)
-    if found.clips:
-        numbers = next(iter(found.clips.values())).image_numbers
-    elif found.reconstruction is not None:
-        numbers = found.reconstruction.cameras.image_numbers
+    if solved.clips:
+        numbers = next(iter(solved.clips.values())).image_numbers
+    elif solved.reconstruction is not None:
+        numbers = solved.reconstruction.cameras.image_numbers
     video = reader.read(video_record, frames_dir)
-    times_s = np.arange(len(numbers)) / (found.fps_hz if found.clips else said_hz)
+    times_s = np.arange(len(numbers)) / (solved.fps_hz if solved.clips else said_hz)
     if video is not None and len(numbers):
         own_s = video.times_of(numbers)  # the video's own, as far as it knows them all
         if np.isfinite(own_s).all() and (np.diff(own_s) > 0).all():
             times_s = own_s
     images = _images(reader, frames_dir, numbers)
-    masks_dir = found.folder / MASKS
+    masks_dir = solved.folder / MASKS
     masks = tuple(
         None if image is None else reader.read(lambda d, i=image: _mask(d, i), masks_dir)  # type: ignore[misc]
         for image in (images if masks_dir.is_dir() else (None,) * len(images))
     )
-    return replace(found, images=images, masks=masks, times_s=times_s)
+    return replace(solved, images=images, masks=masks, times_s=times_s)
 
 
 def _mask(masks_dir: Path, image: Path) -> Path:

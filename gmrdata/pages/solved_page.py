@@ -152,7 +152,7 @@ Strips = Sequence[Sequence[tuple[object, object]]]
 
 
 def solved_page(
-    found: SolvedSequence,
+    solved: SolvedSequence,
     page: Path,
     *,
     left_out: Sequence[tuple[str, str]] = (),
@@ -169,10 +169,10 @@ def solved_page(
         links: Other pages.
         failure: Address of the whole message of a failure.
     """
-    makers = list(_makers(found, left_out, lambda: _view(found, page)))
+    makers = list(_makers(solved, left_out, lambda: _view(solved, page)))
     if strips is not None:
         makers.append(("frames", lambda: strips))
-    makers.append(("files", lambda: {"stages": _stages(found, page.parent), "failure": failure}))
+    makers.append(("files", lambda: {"stages": _stages(solved, page.parent), "failure": failure}))
     sections: list[tuple[str, object, str]] = []
     for kind, make in makers:
         try:
@@ -180,77 +180,77 @@ def solved_page(
         except (GmrdataError, OSError) as error:  # what can't be shown must not cost the others
             sections.append((kind, None, str(error)))
     return render(
-        "solved", found=found, title=text_of(found.name), lead=_lead(found), sections=sections,
+        "solved", solved=solved, title=text_of(solved.name), lead=_lead(solved), sections=sections,
         colours=css_colours(OVERLAY_BGR | BAR_BGR), links=list(links),
     )  # fmt: skip
 
 
 def _makers(
-    found: SolvedSequence, left_out: Sequence[tuple[str, str]], view: Callable[[], object]
+    solved: SolvedSequence, left_out: Sequence[tuple[str, str]], view: Callable[[], object]
 ) -> Iterator[tuple[str, Callable[[], object]]]:
     """What makes each section that there is something for, in their order."""
-    record, cameras, by_video = found.record, found.cameras, found.dataset is None
-    yield "verdict", partial(_judged_by, found)
+    record, cameras, by_video = solved.record, solved.cameras, solved.dataset is None
+    yield "verdict", partial(_judged_by, solved)
     if by_video:
-        yield "overlay", partial(_overlay, found)
+        yield "overlay", partial(_overlay, solved)
     # Where people were judged, that their motions can't be read is said there.
-    if found.is_solved and (found.camera is not None or not found.is_alone):
+    if solved.is_solved and (solved.camera is not None or not solved.is_alone):
         yield "view3d", view
-        yield "paths", partial(_paths, found)
-    if found.fused is not None:
+        yield "paths", partial(_paths, solved)
+    if solved.fused is not None:
         from gmrdata.pages.fusion import fused_shown
 
-        yield "fused", partial(fused_shown, found.fused)
-    if found.reasons:
-        yield "over_time", partial(_over_time, found)
+        yield "fused", partial(fused_shown, solved.fused)
+    if solved.reasons:
+        yield "over_time", partial(_over_time, solved)
     if record is not None and record.cameras is not None:
         yield "scale", partial(_scale_cues, record)
-    if found.camera is not None:
-        yield "lens", partial(_lens, found, found.camera)
+    if solved.camera is not None:
+        yield "lens", partial(_lens, solved, solved.camera)
     if by_video:
-        yield "downloads", partial(_downloads, found, left_out)
+        yield "downloads", partial(_downloads, solved, left_out)
     if record is not None and record.cameras is not None:
-        yield "camera_class", partial(_camera_class, record, found.config.motion_class)
+        yield "camera_class", partial(_camera_class, record, solved.config.motion_class)
     if cameras is not None:
         yield "reconstruction", partial(_reconstruction_rows, cameras)
 
 
-def _lead(found: SolvedSequence) -> str:
-    parts = [] if found.dataset is None else [found.dataset.verdict.split or "not read"]
-    if (camera := found.camera) is not None:
+def _lead(solved: SolvedSequence) -> str:
+    parts = [] if solved.dataset is None else [solved.dataset.verdict.split or "not read"]
+    if (camera := solved.camera) is not None:
         parts.append(f"{camera.width_px}×{camera.height_px} px")
-    if found.n_frames:
-        parts.append(f"{found.n_frames} frames")
-    if len(found.times_s) > 1:
-        parts.append(f"{found.times_s[-1] - found.times_s[0]:.1f} s")
-    if n_people := 0 if found.is_alone else len(found.reasons):
+    if solved.n_frames:
+        parts.append(f"{solved.n_frames} frames")
+    if len(solved.times_s) > 1:
+        parts.append(f"{solved.times_s[-1] - solved.times_s[0]:.1f} s")
+    if n_people := 0 if solved.is_alone else len(solved.reasons):
         parts.append(f"{n_people} people" if n_people > 1 else "one person")
-    elif found.camera_verdict is not None:
+    elif solved.camera_verdict is not None:
         parts.append("cameras alone")
-    if found.record is not None and found.is_solved:
-        parts.append(f"{found.record.camera_motion.replace('_', ' + ')} camera")
+    if solved.record is not None and solved.is_solved:
+        parts.append(f"{solved.record.camera_motion.replace('_', ' + ')} camera")
     return ", ".join(parts)
 
 
-def _judged_by(found: SolvedSequence) -> list[Table]:
+def _judged_by(solved: SolvedSequence) -> list[Table]:
     """The figures behind the verdict."""
-    if not found.is_solved:
+    if not solved.is_solved:
         return []
-    what = "sequence as a whole" if found.dataset else "video"
+    what = "sequence as a whole" if solved.dataset else "video"
     whole = thresholds.threshold_table(
-        thresholds.verdict_rows(found), "threshold", f"What the {what} was judged by."
+        thresholds.verdict_rows(solved), "threshold", f"What the {what} was judged by."
     )
-    if found.is_alone:
+    if solved.is_alone:
         return [whole]
     worst = "The worst of all frames or steps between them; those beyond a threshold are dropped."
-    frames = thresholds.frame_rows(found)
+    frames = thresholds.frame_rows(solved)
     return [whole, thresholds.threshold_table(frames, "threshold", worst)]
 
 
-def _overlay(found: SolvedSequence) -> dict[str, object]:
+def _overlay(solved: SolvedSequence) -> dict[str, object]:
     """Make the overlay, if it is not there, and say what stands beside it."""
-    footage = footage_of(found)
-    folder = make_overlay(found, footage)
+    footage = footage_of(solved)
+    folder = make_overlay(solved, footage)
     _, rate_hz = shown_rows(footage.times_s, footage.fps_hz)
     video = folder / OVERLAY_FILE
     return {
@@ -260,18 +260,18 @@ def _overlay(found: SolvedSequence) -> dict[str, object]:
         "every": max(1, round(footage.fps_hz / rate_hz)),
         "has_masks": any(footage.masks),
         "without_camera": int((~footage.camera.has_camera).sum()),
-        "people": [one.id for one in found.people],
-        "marks": found.is_alone and _marks_words(found, footage),
-        "fits": list(_fits_in_words(found)),
+        "people": [one.id for one in solved.people],
+        "marks": solved.is_alone and _marks_words(solved, footage),
+        "fits": list(_fits_in_words(solved)),
         "is_off": bool(footage.off.any()),
     }
 
 
-def _fits_in_words(found: SolvedSequence) -> Iterator[str]:
+def _fits_in_words(solved: SolvedSequence) -> Iterator[str]:
     """How well each body lies on the person, in the frames that show both."""
-    if found.record is None:
+    if solved.record is None:
         return
-    for one, fit in zip(found.record.people, found.record.picture_fits, strict=True):
+    for one, fit in zip(solved.record.people, solved.record.picture_fits, strict=True):
         if fit is None:
             yield f"{one.id}: not checked against the picture"
         else:
@@ -281,9 +281,9 @@ def _fits_in_words(found: SolvedSequence) -> Iterator[str]:
             )
 
 
-def _view(found: SolvedSequence, page: Path) -> dict[str, object]:
+def _view(solved: SolvedSequence, page: Path) -> dict[str, object]:
     """Write the world to turn round, and say what stands beside it."""
-    view, file = view_of(found), VIEW
+    view, file = view_of(solved), VIEW
     if page.name != PAGE:  # one of many in a folder
         file = f"{VIEWS}/{page.name}"
     written = write_view(page.parent / file, view)
@@ -296,15 +296,15 @@ def _view(found: SolvedSequence, page: Path) -> dict[str, object]:
     }
 
 
-def _marks_words(found: SolvedSequence, footage: Footage) -> str:
+def _marks_words(solved: SolvedSequence, footage: Footage) -> str:
     if not len(footage.marks.world_m):
         return ""
-    if found.reconstruction is not None and found.reconstruction.cameras.geometry == "full":
+    if solved.reconstruction is not None and solved.reconstruction.cameras.geometry == "full":
         return "background points that the cameras were found with"
     return "a grid of directions, 10° apart"
 
 
-def make_overlay(found: SolvedSequence, footage: Footage) -> Path:
+def make_overlay(solved: SolvedSequence, footage: Footage) -> Path:
     """Stage: `overlay.mp4` and `poster.jpg`, made anew when anything that they show changed."""
 
     def work(partial: Path) -> None:
@@ -317,7 +317,7 @@ def make_overlay(found: SolvedSequence, footage: Footage) -> Path:
 
     images = (path.parent for path in footage.images if path is not None)
     inputs = {"images": next(images)}
-    folder = _folder(found)
+    folder = _folder(solved)
     inputs |= {name: folder / name for name in (MASKS, SFM, PSEUDO_GT, FUSED)}
     inputs = {name: path for name, path in inputs.items() if path.is_dir()}
     people = tuple(person.name for person in footage.people)
@@ -326,53 +326,55 @@ def make_overlay(found: SolvedSequence, footage: Footage) -> Path:
     return run_stage(OVERLAY, folder / OVERLAY, config, inputs, work, run=Run(anew=True))
 
 
-def _folder(found: SolvedSequence) -> Path:
-    assert found.folder is not None
-    return found.folder
+def _folder(solved: SolvedSequence) -> Path:
+    assert solved.folder is not None
+    return solved.folder
 
 
-def _over_time(found: SolvedSequence) -> dict[str, object]:
+def _over_time(solved: SolvedSequence) -> dict[str, object]:
     headings = ("of", "frames", "number", "reason")
-    ranges, height_in = list(_ranges(found)), solved_plots.height_in(found)
+    ranges, height_in = list(_ranges(solved)), solved_plots.height_in(solved)
     return {
-        "plot": svg(lambda plot: solved_plots.plot_time(plot, found), 11.0, height_in, "time"),
-        "legend": list(_legend(found)),
+        "plot": svg(lambda plot: solved_plots.plot_time(plot, solved), 11.0, height_in, "time"),
+        "legend": list(_legend(solved)),
         "ranges": Table(headings, ranges, "Dropped ranges, as counted from 0 in the sequence."),
         "open": len(ranges) <= OPEN_RANGES,
     }
 
 
-def _legend(found: SolvedSequence) -> Iterator[tuple[str, str]]:
-    accepted = found.accepted
-    with_kept = [i for i, reasons in enumerate(found.reasons) if "" in reasons]
-    if not found.is_solved and with_kept:
+def _legend(solved: SolvedSequence) -> Iterator[tuple[str, str]]:
+    accepted = solved.accepted
+    with_kept = [i for i, reasons in enumerate(solved.reasons) if "" in reasons]
+    if not solved.is_solved and with_kept:
         yield "var(--rule)", "the data set vouches for it"
-    if found.is_solved and any(accepted[i] for i in with_kept):
+    if solved.is_solved and any(accepted[i] for i in with_kept):
         yield "var(--good)", "kept"
-    if found.is_solved and not all(accepted[i] for i in with_kept):
+    if solved.is_solved and not all(accepted[i] for i in with_kept):
         yield "var(--rule)", "within the thresholds, but rejected"
-    for kind, n in counts_of(found.reasons).items():
+    for kind, n in counts_of(solved.reasons).items():
         yield kind.colour, f"{kind.words} ({n})"
 
 
-def _ranges(found: SolvedSequence) -> Iterator[tuple[Cell | str, ...]]:
-    for name, reasons in zip(found.row_names, found.reasons, strict=True):
+def _ranges(solved: SolvedSequence) -> Iterator[tuple[Cell | str, ...]]:
+    for name, reasons in zip(solved.row_names, solved.reasons, strict=True):
         for start, stop, reason in dropped_ranges(reasons):
             span = f"{start} to {stop - 1}" if stop - start > 1 else f"{start}"
             yield name, span, str(stop - start), Cell(reason, kind="words-cell")
 
 
-def _paths(found: SolvedSequence) -> dict[str, object]:
-    world_from_cam = found.world_from_cam
+def _paths(solved: SolvedSequence) -> dict[str, object]:
+    world_from_cam = solved.world_from_cam
     if world_from_cam is None:
         return {"above": None}
     aligned = None
-    if found.dataset_camera is not None:
-        aligned = align_dataset_camera(world_from_cam, found.dataset_camera, found.kept)
+    if solved.dataset_camera is not None:
+        aligned = align_dataset_camera(world_from_cam, solved.dataset_camera, solved.kept)
     return {
-        "above": svg(lambda plot: solved_plots.plot_paths(plot, found, aligned), 7.4, 6.2, "paths"),
-        "side": svg(lambda plot: solved_plots.plot_side_view(plot, found), 7.4, 6.2, "side"),
-        "people": [(solved_plots.person_role(n), f"person {n}") for n in found.clips],
+        "above": svg(
+            lambda plot: solved_plots.plot_paths(plot, solved, aligned), 7.4, 6.2, "paths"
+        ),
+        "side": svg(lambda plot: solved_plots.plot_side_view(plot, solved), 7.4, 6.2, "side"),
+        "people": [(solved_plots.person_role(n), f"person {n}") for n in solved.clips],
         "aligned": aligned,
     }
 
@@ -455,9 +457,9 @@ def _reconstruction_rows(cameras: CamerasQuality) -> list[tuple[str, object]]:
     return [(name, value) for name, value in rows if value is not None]
 
 
-def _lens(found: SolvedSequence, camera: CameraPath) -> dict[str, object]:
+def _lens(solved: SolvedSequence, camera: CameraPath) -> dict[str, object]:
     """The intrinsics, where they came from, and how well they are known."""
-    lens, sides_px = found.intrinsics, np.array([camera.width_px, camera.height_px])
+    lens, sides_px = solved.intrinsics, np.array([camera.width_px, camera.height_px])
     focal_px, centre_px = np.diag(camera.intrinsics_px)[:2], camera.intrinsics_px[:2, 2]
     angles = np.arctan(centre_px / focal_px) + np.arctan((sides_px - centre_px) / focal_px)
     numbers = dict.fromkeys(f"{one:.1f}" for one in focal_px.tolist())
@@ -473,17 +475,17 @@ def _lens(found: SolvedSequence, camera: CameraPath) -> dict[str, object]:
         spread = "" if lens.radial_k1_sigma is None else f" ± {lens.radial_k1_sigma:.2g}"
         second = f", k2 {lens.radial_k2:.4g}" if lens.radial_k2 else ""
         rows.append(("Radial distortion k1", f"{lens.radial_k1:.4g}{spread}{second}"))
-    if found.cameras is not None:
-        rows += found.cameras.lens_in_words
-        lens = None if lens is None else beside_cameras(lens, found.cameras)
+    if solved.cameras is not None:
+        rows += solved.cameras.lens_in_words
+        lens = None if lens is None else beside_cameras(lens, solved.cameras)
     objections, notes = ((), ()) if lens is None else (lens.objections, lens.notes)
     return {"rows": rows, "objections": objections, "notes": notes}
 
 
-def _downloads(found: SolvedSequence, left_out: Sequence[tuple[str, str]]) -> dict[str, object]:
+def _downloads(solved: SolvedSequence, left_out: Sequence[tuple[str, str]]) -> dict[str, object]:
     """What lies in `files`, by format, what the stages keep of people, and what could not be
     written."""
-    root, own, exported = _folder(found), list(_own_files(found)), []
+    root, own, exported = _folder(solved), list(_own_files(solved)), []
     for download in DOWNLOADS:
         folder = root / FILES / download.format
         files = sorted(path for path in folder.rglob("*") if path.is_file())
@@ -491,21 +493,21 @@ def _downloads(found: SolvedSequence, left_out: Sequence[tuple[str, str]]) -> di
     return {
         "offers": [offer for offer in (*own, *exported) if offer[-1]],
         "exported": any(links for *_, links in exported),
-        "rejected": np.array(found.row_names)[np.logical_not(found.accepted)].tolist(),
+        "rejected": np.array(solved.row_names)[np.logical_not(solved.accepted)].tolist(),
         "left_out": left_out,
         "most": MOST_LINKS,
     }
 
 
-def _own_files(found: SolvedSequence) -> Iterator[Offer]:
+def _own_files(solved: SolvedSequence) -> Iterator[Offer]:
     """Name, use and links of what the stages keep of people."""
-    folder = _folder(found)
+    folder = _folder(solved)
 
     def offer(name: str, use: str, stage: str, file: Callable[[int], str]) -> Offer:
-        paths = [folder / stage / file(person) for person in range(len(found.judged))]
+        paths = [folder / stage / file(person) for person in range(len(solved.judged))]
         return name, use, list(_links(folder, paths, folder / stage))
 
-    if found.fused is None:
+    if solved.fused is None:
         yield offer("gmrdata npz", CLIP_USE, PSEUDO_GT, person_file)
         return
     from gmrdata.fusion.record import sigma_file
@@ -526,13 +528,13 @@ def _links(root: Path, files: Sequence[Path], below: Path) -> Iterator[tuple[str
             yield href, text_of(path.relative_to(below).as_posix()), said
 
 
-def _stages(found: SolvedSequence, page_dir: Path) -> list[tuple[str, list[tuple[str, str]]]]:
+def _stages(solved: SolvedSequence, page_dir: Path) -> list[tuple[str, list[tuple[str, str]]]]:
     """Links to the records of the stages."""
     stages = []
-    for stage, names in RECORDS.items() if found.folder is not None else ():
-        folder = _folder(found) / stage
+    for stage, names in RECORDS.items() if solved.folder is not None else ():
+        folder = _folder(solved) / stage
         there = [name for name in (STAGE_FILE, *names) if (folder / name).is_file()]
         where = Path(os.path.relpath(folder, page_dir)).as_posix()
-        if there or (found.dataset is not None and stage in OF_THREEDPW):
+        if there or (solved.dataset is not None and stage in OF_THREEDPW):
             stages.append((stage, [(quote(f"{where}/{name}"), name) for name in there]))
     return stages

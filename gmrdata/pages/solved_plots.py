@@ -19,9 +19,9 @@ PERSON_IN, PANEL_IN, AXIS_IN = 0.3, 1.5, 0.45
 """Heights of a person's row, of a plot, and of what is under the lowest [inch]."""
 
 
-def height_in(found: SolvedSequence) -> float:
+def height_in(solved: SolvedSequence) -> float:
     """Height of the figure that `plot_time` wants [inch]."""
-    return AXIS_IN + PERSON_IN * len(found.reasons) + PANEL_IN * len(_panels(found))
+    return AXIS_IN + PERSON_IN * len(solved.reasons) + PANEL_IN * len(_panels(solved))
 
 
 def _panels(found: SolvedSequence) -> list[Callable[[Axes], None]]:
@@ -42,43 +42,43 @@ def _panels(found: SolvedSequence) -> list[Callable[[Axes], None]]:
     return panels
 
 
-def plot_time(plot: Figure, found: SolvedSequence) -> None:
+def plot_time(plot: Figure, solved: SolvedSequence) -> None:
     """The time line over the plots, on one axis of frames."""
-    panels = _panels(found)
-    heights = [PERSON_IN * len(found.reasons), *[PANEL_IN] * len(panels)]
+    panels = _panels(solved)
+    heights = [PERSON_IN * len(solved.reasons), *[PANEL_IN] * len(panels)]
     grid = plot.subplots(len(heights), sharex=True, height_ratios=heights, squeeze=False)
     column = list(grid[:, 0])
-    _plot_kept(column[0], found)
+    _plot_kept(column[0], solved)
     for axes, draw in zip(column[1:], panels, strict=True):
         draw(axes)
-    cuts = () if found.cameras is None else found.cameras.cuts_after_frames
+    cuts = () if solved.cameras is None else solved.cameras.cuts_after_frames
     for axes in column:
-        for cut in found.frames_of(cuts):
+        for cut in solved.frames_of(cuts):
             axes.axvline(cut + 0.5, color=COLOURS["ink"], linewidth=1, linestyle=(0, (2, 2)))
     column[-1].set_xlabel("frame")
-    column[-1].set_xlim(-0.5, max(1, found.n_frames) - 0.5)
+    column[-1].set_xlim(-0.5, max(1, solved.n_frames) - 0.5)
 
 
-def _plot_kept(axes: Axes, found: SolvedSequence) -> None:
-    kinds, accepted = kinds_of(found.reasons), found.accepted
-    for person, reasons in enumerate(found.reasons):
+def _plot_kept(axes: Axes, solved: SolvedSequence) -> None:
+    kinds, accepted = kinds_of(solved.reasons), solved.accepted
+    for person, reasons in enumerate(solved.reasons):
         for start, stop, reason in text_runs(reasons):
             kept = COLOURS["good" if accepted[person] else "rule"]
             colour = kinds[reason].colour if reason else kept
             axes.broken_barh([(start - 0.5, stop - start)], (person - 0.4, 0.8), color=colour)
-    axes.set_ylim(len(found.reasons) - 0.5, -0.5)
-    axes.set_yticks(range(len(found.reasons)), found.row_names)
+    axes.set_ylim(len(solved.reasons) - 0.5, -0.5)
+    axes.set_yticks(range(len(solved.reasons)), solved.row_names)
     axes.grid(visible=False)
     axes.spines[["left", "bottom"]].set_visible(False)
     plots.quiet(axes)
 
 
-def _plot_inliers(axes: Axes, found: SolvedSequence, fewest: int) -> None:
-    if found.cameras is None:
+def _plot_inliers(axes: Axes, solved: SolvedSequence, fewest: int) -> None:
+    if solved.cameras is None:
         return
-    counts = found.per_frame(found.cameras.inliers_per_frame)
+    counts = solved.per_frame(solved.cameras.inliers_per_frame)
     _plot_beside(axes, counts, fewest, "Inliers per frame", at_least=True)
-    between = found.frames_of(found.cameras.interpolated)
+    between = solved.frames_of(solved.cameras.interpolated)
     axes.plot(between, 0.0 * between, "d", color=COLOURS["bad"], markersize=4, zorder=4)
     axes.yaxis.set_major_locator(MaxNLocator(4, integer=True))
 
@@ -133,13 +133,13 @@ def person_role(person: int) -> str:
 FROM_ABOVE = np.eye(4)
 
 
-def plot_side_view(plot: Figure, found: SolvedSequence) -> None:
+def plot_side_view(plot: Figure, solved: SolvedSequence) -> None:
     """The same from the side, across the longest horizontal way of all paths, with the floor."""
-    if found.world_from_cam is None:
+    if solved.world_from_cam is None:
         return
-    along = _longest_way(np.concatenate([path_m[:, :2] for path_m in _paths_m(found)]))
+    along = _longest_way(np.concatenate([path_m[:, :2] for path_m in _paths_m(solved)]))
     axes_in_world = np.array([[*along, 0.0], [0.0, 0.0, 1.0], [along[1], -along[0], 0.0]])
-    plot_paths(plot, found, None, transforms.rigid(axes_in_world, np.zeros(3)))
+    plot_paths(plot, solved, None, transforms.rigid(axes_in_world, np.zeros(3)))
 
 
 def _longest_way(places_m: np.ndarray) -> np.ndarray:
@@ -151,25 +151,25 @@ def _longest_way(places_m: np.ndarray) -> np.ndarray:
     return np.asarray(along if along[np.abs(along).argmax()] > 0 else -along)
 
 
-def _paths_m(found: SolvedSequence) -> list[np.ndarray]:
+def _paths_m(solved: SolvedSequence) -> list[np.ndarray]:
     """The paths (T, 3) of the camera and of everybody."""
-    assert found.world_from_cam is not None
-    return [found.world_from_cam[:, :3, 3], *(c.motion.pelvis_m for c in found.clips.values())]
+    assert solved.world_from_cam is not None
+    return [solved.world_from_cam[:, :3, 3], *(c.motion.pelvis_m for c in solved.clips.values())]
 
 
 def plot_paths(
     plot: Figure,
-    found: SolvedSequence,
+    solved: SolvedSequence,
     aligned: Aligned | None,
     view_from_world: np.ndarray = FROM_ABOVE,
 ) -> None:
     """Paths in the levelled world, z up: the data set's camera as a pale band under ours.  The
     first two axes of `view_from_world` (4, 4) are those of the plot."""
-    axes, world_from_cam = plot.subplots(), found.world_from_cam
-    if world_from_cam is None or found.cameras is None:
+    axes, world_from_cam = plot.subplots(), solved.world_from_cam
+    if world_from_cam is None or solved.cameras is None:
         return
     view_from_cam = view_from_world @ world_from_cam
-    paths_m = [transforms.apply(view_from_world, path_m) for path_m in _paths_m(found)]
+    paths_m = [transforms.apply(view_from_world, path_m) for path_m in _paths_m(solved)]
     tick_m = plots.tick_length_m(paths_m)
     if aligned is not None:
         theirs = view_from_world @ aligned.world_from_cam
@@ -179,26 +179,26 @@ def plot_paths(
     if not np.isfinite(away_m).all(axis=1).any():
         away_m = paths_m[0]
     plots.mark_start(axes, paths_m[0], "camera", "camera", away_m)
-    _plot_error_bar(axes, paths_m[0], paths_m[0], found.scale_share, "camera")
-    for person, pelvis_m in zip(found.clips, paths_m[1:], strict=True):
+    _plot_error_bar(axes, paths_m[0], paths_m[0], solved.scale_share, "camera")
+    for person, pelvis_m in zip(solved.clips, paths_m[1:], strict=True):
         role = person_role(person)
-        kept = np.array([not reason for reason in found.reasons[person]])[:, None]
+        kept = np.array([not reason for reason in solved.reasons[person]])[:, None]
         plots.plot_path(axes, pelvis_m, role, 1.0, ":")
         plots.plot_path(axes, np.where(kept, pelvis_m, np.nan), role, plots.RECOVERED_WIDTH)
         plots.mark_start(axes, pelvis_m, role, f"person {person}", None)
-        _plot_error_bar(axes, pelvis_m, paths_m[0], found.scale_share, role)
+        _plot_error_bar(axes, pelvis_m, paths_m[0], solved.scale_share, role)
     for marker, role, sfm_rows in (
-        ("X", "ink", found.cameras.cuts_after_frames),
-        ("d", "bad", found.cameras.interpolated),
+        ("X", "ink", solved.cameras.cuts_after_frames),
+        ("d", "bad", solved.cameras.interpolated),
     ):
-        places_m = paths_m[0][found.frames_of(sfm_rows), :2]
+        places_m = paths_m[0][solved.frames_of(sfm_rows), :2]
         axes.plot(*places_m.T, marker, color=COLOURS[role], markersize=5, zorder=6)
     if view_from_world is FROM_ABOVE:
-        plots.finish_view(axes, found.unit)
+        plots.finish_view(axes, solved.unit)
     else:
-        if found.clips:
+        if solved.clips:
             axes.axhline(0.0, color=COLOURS["muted"], linewidth=1)
-        plots.finish_view(axes, found.unit, ("along", "height"))
+        plots.finish_view(axes, solved.unit, ("along", "height"))
 
 
 def _plot_error_bar(

@@ -34,14 +34,14 @@ def threshold_table(rows: Iterable[FigureRow], heading: str, caption: str) -> Ta
     return Table(("figure", "value", heading), cells, caption)
 
 
-def verdict_rows(found: SolvedSequence) -> list[FigureRow]:
+def verdict_rows(solved: SolvedSequence) -> list[FigureRow]:
     """What a sequence as a whole was judged by."""
-    rows = camera_rows(found.cameras, found.config.verdict)
-    if found.is_alone:
+    rows = camera_rows(solved.cameras, solved.config.verdict)
+    if solved.is_alone:
         return rows
-    rows += _scale_rows(found.record, found.config)
-    rows += _kept_rows(found) + _fit_rows(found)
-    if (said := found.dataset) is not None:
+    rows += _scale_rows(solved.record, solved.config)
+    rows += _kept_rows(solved) + _fit_rows(solved)
+    if (said := solved.dataset) is not None:
         focal = None if said.people is None else said.people.focal
         rows.append(focal_row(focal, said.intrinsics))
     return rows
@@ -118,24 +118,24 @@ def _scale_rows(record: PseudoGtQuality | None, config: PseudoGtConfig) -> list[
     return [*wrong, row, _row(name, apart, config.verdict.max_cue_disagreement)]
 
 
-def frame_rows(found: SolvedSequence) -> list[FigureRow]:
+def frame_rows(solved: SolvedSequence) -> list[FigureRow]:
     """What single frames were judged by: the worst of all frames, and how many are beyond."""
-    world_from_cam, config = found.world_from_cam, found.config.verdict
+    world_from_cam, config = solved.world_from_cam, solved.config.verdict
     if world_from_cam is None:
         return []
-    fps_hz = found.fps_hz
+    fps_hz = solved.fps_hz
     moves = relative_moves(world_from_cam, 1)
     speed_m_per_s = fps_hz * np.linalg.norm(moves[:, :3, 3], axis=1)
     turn_deg_per_s = fps_hz * np.rad2deg(angles_rad(moves[:, :3, :3]))
-    inliers = np.array([] if found.cameras is None else found.cameras.inliers_per_frame, float)
+    inliers = np.array([] if solved.cameras is None else solved.cameras.inliers_per_frame, float)
     # An interpolated camera has none of its own, and its frame is kept.
-    inliers[[] if found.cameras is None else list(found.cameras.interpolated)] = np.nan
+    inliers[[] if solved.cameras is None else list(solved.cameras.interpolated)] = np.nan
     rows = [
         _worst("fewest inliers", inliers, config.min_inliers, least=True),
         _worst("fastest camera [m/s]", speed_m_per_s, config.max_speed_m_per_s),
         _worst("fastest turn [°/s]", turn_deg_per_s, config.max_turn_deg_per_s),
     ]
-    if (apart := found.window_differences()) is not None:
+    if (apart := solved.window_differences()) is not None:
         span = f"over {config.window_s:g} s, difference from the data set’s camera"
         rows.append(_worst(f"turn {span} [°]", apart[0], config.max_window_deg))
         rows.append(_worst(f"way {span} [m]", apart[1], config.max_window_m))
@@ -164,22 +164,22 @@ def class_rows(figures: MotionFigures, config: MotionClassConfig) -> list[Figure
     ]  # fmt: skip
 
 
-def _kept_rows(found: SolvedSequence) -> list[FigureRow]:
+def _kept_rows(solved: SolvedSequence) -> list[FigureRow]:
     """Frames that the data set or the video itself doubts count for nothing."""
     rows = []
-    for person, reasons in enumerate(found.reasons if found.is_solved else ()):
-        doubts = found.doubts[person] if person < len(found.doubts) else len(reasons) * ("",)
+    for person, reasons in enumerate(solved.reasons if solved.is_solved else ()):
+        doubts = solved.doubts[person] if person < len(solved.doubts) else len(reasons) * ("",)
         vouched = doubts.count("")
         share = sum(not reason for reason in reasons) / max(1, vouched)
         name = f"the {vouched} valid frames of person {person} that are left"
-        rows.append(_share(name, share, found.config.verdict.min_kept_share))
+        rows.append(_share(name, share, solved.config.verdict.min_kept_share))
     return rows
 
 
-def _fit_rows(found: SolvedSequence) -> list[FigureRow]:
+def _fit_rows(solved: SolvedSequence) -> list[FigureRow]:
     """How the bodies lie on the people in the pictures."""
-    rows, config = [], found.config.verdict
-    for person, fit in enumerate(() if found.record is None else found.record.picture_fits):
+    rows, config = [], solved.config.verdict
+    for person, fit in enumerate(() if solved.record is None else solved.record.picture_fits):
         off = gain = doubled = None
         if fit is not None:
             off, doubled = np.array([fit.off_frames, fit.doubled_frames]) / max(1, fit.frames)

@@ -59,25 +59,25 @@ class ViewedWorld:
         return np.arange(0, len(self.times_s), -(-len(self.times_s) // MOST_FRAMES))
 
 
-def view_of(found: SolvedSequence) -> ViewedWorld:
+def view_of(solved: SolvedSequence) -> ViewedWorld:
     """The world of a solved sequence; MissingInput where there is nothing to look at."""
-    if found.camera is None and not found.clips:
+    if solved.camera is None and not solved.clips:
         raise MissingInput("no camera and no motion was found, so there is nothing to turn round")
-    bodies = {one.clip.id: one.body for one in found.people}  # of those whose body is at hand
+    bodies = {one.clip.id: one.body for one in solved.people}  # of those whose body is at hand
     people = tuple(
         ViewedPerson(
             clip,
             person_role(number),
             bodies.get(clip.id),
-            None if found.fused is None else found.fused.sigmas[number]["place_sigma_m"],
+            None if solved.fused is None else solved.fused.sigmas[number]["place_sigma_m"],
         )
-        for number, clip in found.clips.items()
+        for number, clip in solved.clips.items()
     )
-    times_s = found.times_s
+    times_s = solved.times_s
     if not len(times_s):  # a data set's frames have a rate alone
-        rates_hz = [clip.motion.fps_hz for clip in found.clips.values()]
-        times_s = np.arange(found.n_frames) / next(iter(rates_hz), 1.0)
-    return ViewedWorld(times_s, people, found.camera, found.world_points, found.unit)
+        rates_hz = [clip.motion.fps_hz for clip in solved.clips.values()]
+        times_s = np.arange(solved.n_frames) / next(iter(rates_hz), 1.0)
+    return ViewedWorld(times_s, people, solved.camera, solved.world_points, solved.unit)
 
 
 def view_of_clip(clip: ClipReport) -> ViewedWorld:

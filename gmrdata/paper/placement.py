@@ -243,7 +243,7 @@ class PlacedPerson:
 
 def place_person(
     posed: Clip,
-    found: ClipKeypoints,
+    keypoints: ClipKeypoints,
     intrinsics_px: np.ndarray,
     body: BodyModel,
     config: PlacementConfig,
@@ -254,9 +254,9 @@ def place_person(
     has_pose = posed.valid & np.isfinite(joints_m).all(axis=(1, 2))
     has_pose &= np.isfinite(posed.motion.local_rotmats).all(axis=(1, 2, 3))
     pelvis_m = np.full((len(joints_m), 3), np.nan)
-    missing, residuals_px = list(found.missing), []
+    missing, residuals_px = list(keypoints.missing), []
     previous_m: np.ndarray | None = None
-    for row, points in enumerate(found.points):
+    for row, points in enumerate(keypoints.points):
         if not missing[row] and not has_pose[row]:
             missing[row] = NO_POSE
         if missing[row]:

@@ -154,7 +154,7 @@ def _prediction(
     subject: predictions.Subject,
     posed: Clip,
     placed: PlacedPerson,
-    found: ClipKeypoints,
+    keypoints: ClipKeypoints,
     body: BodyModel,
 ) -> predictions.Prediction:
     seen = replace(posed.motion, pelvis_m=placed.pelvis_m)
@@ -166,7 +166,7 @@ def _prediction(
         rest_pelvis_m=body.rest_pelvis_m(seen.shape),
         figures={
             "median_residual_px": placed.residual_px,
-            "n_rows_with_several_people": found.n_crowded,
+            "n_rows_with_several_people": keypoints.n_crowded,
             "not_predicted": [
                 {"start": start, "stop": stop, "reason": why}
                 for start, stop, why in dropped_ranges(placed.missing)

@@ -581,47 +581,47 @@ def _colours(image: np.ndarray, mask: np.ndarray) -> np.ndarray:
 
 
 def _known_people(
-    found: Sightings, numbers: np.ndarray, config: _FollowedAt
+    seen: Sightings, numbers: np.ndarray, config: _FollowedAt
 ) -> tuple[Sightings, tuple[PersonFacts, ...], tuple[int, ...]]:
     """The same with each person's number; facts of each; frames of those seen in too few."""
-    rows = np.searchsorted(numbers, found.image_numbers)
-    cut = [some for piece in np.unique(found.pieces) for some in _cut(found, rows, piece, config)]
-    pieces = [_piece(found, rows, some) for some in cut]
+    rows = np.searchsorted(numbers, seen.image_numbers)
+    cut = [some for piece in np.unique(seen.pieces) for some in _cut(seen, rows, piece, config)]
+    pieces = [_piece(seen, rows, some) for some in cut]
     joined, joined_by = join_pieces(pieces, config.link, config.rate_hz)
     joined.sort(key=lambda line: -sum(len(cut[number]) for number in line))
     people = [np.concatenate([cut[number] for number in line]) for line in joined]
     least = max(2, min([config.min_frames, *map(len, people[:1])]))
     kept = [places for places in people if len(places) >= least]
-    of = np.full(len(found), -1, dtype=np.int64)
+    of = np.full(len(seen), -1, dtype=np.int64)
     for number, places in enumerate(kept):
         of[places] = number
-    unsure = unsure_pairs([_piece(found, rows, places) for places in kept], config.link)
+    unsure = unsure_pairs([_piece(seen, rows, places) for places in kept], config.link)
     facts = tuple(
         PersonFacts(
             images=len(places),
             seen=_runs(numbers, rows[places]),
             may_be=tuple(sorted(sum(pair) - n for pair in unsure if n in pair)),
             unsure_from=tuple(
-                int(found.image_numbers[cut[number][0]])
+                int(seen.image_numbers[cut[number][0]])
                 for number in joined[n][1:]
                 if joined_by[number] < config.link.sure
             ),
         )
         for n, places in enumerate(kept)
     )
-    known = Sightings(**vars(found) | {"people": of})
+    known = Sightings(**vars(seen) | {"people": of})
     return known, facts, tuple(len(places) for places in people[len(kept) :])
 
 
-def _cut(found: Sightings, rows: np.ndarray, piece: int, config: _FollowedAt) -> list[np.ndarray]:
-    """Places of one piece's sightings, cut where another person may have taken over."""
-    places = np.flatnonzero(found.pieces == piece)
-    cuts = cuts_in(_piece(found, rows, places), config.link, config.rate_hz)
+def _cut(seen: Sightings, rows: np.ndarray, piece: int, config: _FollowedAt) -> list[np.ndarray]:
+    """Places of one piece's seen, cut where another person may have taken over."""
+    places = np.flatnonzero(seen.pieces == piece)
+    cuts = cuts_in(_piece(seen, rows, places), config.link, config.rate_hz)
     return [places[start:stop] for start, stop in pairwise([0, *cuts, len(places)])]
 
 
-def _piece(found: Sightings, rows: np.ndarray, places: np.ndarray) -> Piece:
-    return Piece(rows[places], found.crops[places], found.colours[places])
+def _piece(seen: Sightings, rows: np.ndarray, places: np.ndarray) -> Piece:
+    return Piece(rows[places], seen.crops[places], seen.colours[places])
 
 
 def _runs(numbers: np.ndarray, rows: np.ndarray) -> tuple[tuple[int, int], ...]:

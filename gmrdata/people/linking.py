@@ -36,9 +36,9 @@ Detection = TypedDict("Detection", {"box_px": list[float], "score": float, "clas
 """What a record says of one: left, top, right, bottom; index in COCO_NAMES."""
 
 
-def detections_as_json(found: Detections) -> list[Detection]:
+def detections_as_json(seen: Detections) -> list[Detection]:
     """Plain numbers: boxes to 0.01 px, scores to 0.0001."""
-    rows = zip(found.boxes_px.tolist(), found.scores.tolist(), found.classes.tolist(), strict=True)
+    rows = zip(seen.boxes_px.tolist(), seen.scores.tolist(), seen.classes.tolist(), strict=True)
     return [
         {"box_px": [round(edge, 2) for edge in box_px], "score": round(score, 4), "class": index}
         for box_px, score, index in rows
@@ -62,19 +62,19 @@ def box_iou(a_px: np.ndarray, b_px: np.ndarray) -> np.ndarray:
     return np.where(union > 0, common / np.where(union > 0, union, 1.0), 0.0)
 
 
-def keep_best(found: Detections, nms_iou: float) -> Detections:
+def keep_best(detections: Detections, nms_iou: float) -> Detections:
     """Class by class, drop boxes that overlap one of a higher score by more than `nms_iou`."""
     import cv2
 
-    if len(found) == 0:
-        return found
-    corners_px = found.boxes_px.reshape(-1, 2, 2)
+    if len(detections) == 0:
+        return detections
+    corners_px = detections.boxes_px.reshape(-1, 2, 2)
     as_xywh = np.concatenate([corners_px[:, 0], np.ptp(corners_px, axis=1)], axis=1)
     kept = cv2.dnn.NMSBoxesBatched(
-        as_xywh.tolist(), found.scores.tolist(), found.classes.tolist(), 0.0, nms_iou
+        as_xywh.tolist(), detections.scores.tolist(), detections.classes.tolist(), 0.0, nms_iou
     )
     rows = np.asarray(kept, dtype=np.int64).reshape(-1)
-    return Detections(found.boxes_px[rows], found.scores[rows], found.classes[rows])
+    return Detections(detections.boxes_px[rows], detections.scores[rows], detections.classes[rows])
 
 
 def grow(boxes_px: np.ndarray, share: float, margin_px: float) -> np.ndarray:

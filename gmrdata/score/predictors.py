@@ -362,9 +362,9 @@ def _image_numbers(entry: ClipEntry, manifest_path: Path) -> list[int]:
 
 
 def _predicted(
-    found: ResultSet, matched: Mapping[str, MatchedClip], config: ScoreConfig, one: UsableClip
+    results: ResultSet, matched: Mapping[str, MatchedClip], config: ScoreConfig, one: UsableClip
 ) -> PredictedClip | str:
-    result, its_clip = found.results[one.clip.id], matched[one.clip.id].clip
+    result, its_clip = results.results[one.clip.id], matched[one.clip.id].clip
     predicted = clip_beside_truth(result.files[0], its_clip, one, config.pairing())
     world = result.people[0].in_world
     if isinstance(predicted, str) or (world is not None and world.has_camera_path):

@@ -318,9 +318,9 @@ class Scores(ScoreSummary, Record):
         return self
 
 
-def same_names(key: str, found: Mapping[str, object], expected: Set[str]) -> None:
+def same_names(key: str, named: Mapping[str, object], expected: Set[str]) -> None:
     """Raise ValueError, for a validator, unless a table by name has the names that it must have."""
-    for name in sorted(expected - found.keys()):
+    for name in sorted(expected - named.keys()):
         raise ValueError(f"`{key}` has no key `{name}`")
-    for name in sorted(found.keys() - expected):
+    for name in sorted(named.keys() - expected):
         raise ValueError(f"`{key}` has an unknown key `{name}`")

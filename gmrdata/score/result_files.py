@@ -132,13 +132,13 @@ def _distinct(path: Path, sets: Sequence[ResultSet | ClipFolder]) -> list[Result
 
 def _named(
     path: Path,
-    found: Mapping[tuple[Path, str], Mapping[str, EstimatedPeople]],
+    people_of: Mapping[tuple[Path, str], Mapping[str, EstimatedPeople]],
     by_id: Set[tuple[Path, str]],
 ) -> list[ResultSet]:
     """Sets named after their system, or after their folder where that says more."""
     sets = []
-    for (root, system), results in found.items():
-        several = sum(other == root for other, _ in found) > 1
+    for (root, system), results in people_of.items():
+        several = sum(other == root for other, _ in people_of) > 1
         own = root == path or root.name in (system, "smpl") or path.is_file()
         name = system if own else f"{root.name}-{system}" if several else root.name
         named = frozenset(id for id in results if (root, id) in by_id)

@@ -30,7 +30,7 @@ class MatchedClip:
 
 
 def people_of_clips(
-    found: ResultSet, clips: Sequence[ClipName], wanted: Mapping[str, str]
+    results: ResultSet, clips: Sequence[ClipName], wanted: Mapping[str, str]
 ) -> dict[str, EstimatedPerson]:
     """The person of a set's results that each clip is, by its id; nobody is guessed.
 
@@ -46,12 +46,12 @@ def people_of_clips(
     """
     taken: dict[tuple[int, str], ClipName] = {}
     people: dict[str, EstimatedPerson] = {}
-    with_result = [clip for clip in clips if clip.id in found.results]
+    with_result = [clip for clip in clips if clip.id in results.results]
     for clip in with_result:
-        keys = (f"{found.name}/{clip.id}", clip.id, "")
+        keys = (f"{results.name}/{clip.id}", clip.id, "")
         name = next((wanted[key] for key in keys if key in wanted), None)
         if name is not None:
-            result = found.results[clip.id]
+            result = results.results[clip.id]
             person = _named_person(result, clip, name)
             other = taken.setdefault((id(result), person.name), clip)
             if _is_other(other, clip):
@@ -60,7 +60,7 @@ def people_of_clips(
             people[clip.id] = person
     for clip in with_result:
         if clip.id not in people:
-            left = _person_left(found, clip, taken)
+            left = _person_left(results, clip, taken)
             people |= {} if left is None else {clip.id: left}
     return people
 
@@ -77,10 +77,10 @@ def _named_person(result: EstimatedPeople, clip: ClipName, name: str) -> Estimat
 
 
 def _person_left(
-    found: ResultSet, clip: ClipName, taken: Mapping[tuple[int, str], ClipName]
+    results: ResultSet, clip: ClipName, taken: Mapping[tuple[int, str], ClipName]
 ) -> EstimatedPerson | None:
     """Who a clip is without a name; None where all people are others."""
-    result = found.results[clip.id]
+    result = results.results[clip.id]
     owners = {name: owner for (of_result, name), owner in taken.items() if of_result == id(result)}
     free = [
         one
@@ -91,7 +91,7 @@ def _person_left(
         return None
     own = [one for one in free if one.name in owners]
     n_others = len({(owner.sequence, owner.person) for owner in owners.values()})
-    alone = clip.id in found.by_id or clip.n_people - n_others <= 1
+    alone = clip.id in results.by_id or clip.n_people - n_others <= 1
     if own or (alone and len(free) == 1):
         return (own or free)[0]
     n = len(result.people)

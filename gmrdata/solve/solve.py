@@ -181,7 +181,7 @@ def _frames(request: SolveRequest, out_dir: Path, run: Run) -> FrameSet:
 
 
 def require_of_frames(
-    request: SolveRequest, found: EstimatedPeople | None, frames: FrameSet, config: SolveConfig
+    request: SolveRequest, results: EstimatedPeople | None, frames: FrameSet, config: SolveConfig
 ) -> None:
     """Refuse a lens, a folder of masks, or a system's people, that can't be of these frames, before
     hours of work."""
@@ -189,9 +189,9 @@ def require_of_frames(
         given_lens(request.lens, frames.size_px)
     if config.masks is not None:
         mask_sources.check_folders(config.masks, frames)
-    if found is not None:
+    if results is not None:
         assert isinstance(request.people, PeopleBySystem) and request.people.results_path
-        check_people(found, request.people.results_path, frames, config.bodies)
+        check_people(results, request.people.results_path, frames, config.bodies)
 
 
 def _gravity(request: SolveRequest, out_dir: Path, frames: FrameSet) -> Path | None:

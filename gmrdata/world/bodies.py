@@ -154,11 +154,11 @@ def make_bodies(
 
 
 def check_people(
-    found: EstimatedPeople, poses_path: Path, frames: FrameSet, config: BodiesConfig
+    results: EstimatedPeople, poses_path: Path, frames: FrameSet, config: BodiesConfig
 ) -> None:
     """Refuse people of other frames or pictures; errors as of `make_bodies`, if they tell."""
-    _check_frames(found, poses_path, frames, config)
-    for person, _ in _seen_enough(found, poses_path, frames, config)[0]:
+    _check_frames(results, poses_path, frames, config)
+    for person, _ in _seen_enough(results, poses_path, frames, config)[0]:
         assert person.in_camera is not None
         assumed_place(person.in_camera, frames.size_px, poses_path)
 
@@ -227,31 +227,31 @@ def _require_same_view(poses_dir: Path, lens: Lens, body: BodyModel) -> None:
 
 
 def _check_frames(
-    found: EstimatedPeople, path: Path, frames: FrameSet, config: BodiesConfig
+    results: EstimatedPeople, path: Path, frames: FrameSet, config: BodiesConfig
 ) -> list[str]:
     """Refuse a file of another video or rate, as far as its frames tell; small differences."""
-    if found.system == "vibe":
+    if results.system == "vibe":
         _require_even(path, frames)
     step, is_part = config.frames_per_row, frames.n_frames is None
     n_video = frames.n_frames or int(frames.frame_numbers[-1]) + 1  # or more, of a part
-    if min(int(person.frame_numbers[0]) for person in found.people) < 0:
+    if min(int(person.frame_numbers[0]) for person in results.people) < 0:
         raise BadMotionFile(f"{path}: frame numbers below 0. {AGAIN}")
-    n_file = found.n_frames or 1 + max(int(person.frame_numbers[-1]) for person in found.people)
-    says = f"{path}: is of {n_file} frames" + ("" if found.n_frames else " or more")
+    n_file = results.n_frames or 1 + max(int(person.frame_numbers[-1]) for person in results.people)
+    says = f"{path}: is of {n_file} frames" + ("" if results.n_frames else " or more")
     remedy = "If it was made of every n-th frame, say --poses-every n; else give the video's own"
-    for_it = -((_first_frame(found, frames, step) - n_video) // step)
-    if phalp.ends_early(found, for_it):
+    for_it = -((_first_frame(results, frames, step) - n_video) // step)
+    if phalp.ends_early(results, for_it):
         return [f"PHALP ended after {n_file} frames: for the others run it with {phalp.ALL_FRAMES}"]
-    if found.system == "phalp" and n_file < for_it:
+    if results.system == "phalp" and n_file < for_it:
         remedy += f", or run PHALP with {phalp.ALL_FRAMES}"
     is_longer = n_file > for_it + ODD_FRAMES and not is_part
-    if is_longer or (found.n_frames and n_file < for_it - ODD_FRAMES):
+    if is_longer or (results.n_frames and n_file < for_it - ODD_FRAMES):
         like = f", about every {n_video / n_file:.2g}th" if n_file < n_video else ""
         like = ", as of the part alone" if is_part else like
         taken = f"the video has {n_video}" + " or more" * is_part
         taken += f", every {step}th of them {for_it}" * (step > 1)
         raise BadMotionFile(f"{says}, and {taken}{like}: another video's, or rate. {remedy}")
-    if found.n_frames and n_file != for_it and not is_part:
+    if results.n_frames and n_file != for_it and not is_part:
         return [f"the file of bodies is of {n_file} frames, the video has {for_it}"]
     return []
 
@@ -269,22 +269,22 @@ def _require_even(path: Path, frames: FrameSet) -> None:
         raise BadMotionFile(f"{path}: {what}, and VIBE numbers images of a steady video. {remedy}")
 
 
-def _first_frame(found: EstimatedPeople, frames: FrameSet, step: int) -> int:
+def _first_frame(results: EstimatedPeople, frames: FrameSet, step: int) -> int:
     """Which of the video's frames is the first of a file of every n-th: the first of n, but the
     last where PromptHMR itself left out the others."""
-    by_itself = found.system == "prompt-hmr" and step == prompthmr.taken_every(frames.video_hz)
+    by_itself = results.system == "prompt-hmr" and step == prompthmr.taken_every(frames.video_hz)
     return step - 1 if by_itself else 0
 
 
-def _size_notes(found: EstimatedPeople, body: BodyModel, config: BodiesConfig) -> list[str]:
+def _size_notes(results: EstimatedPeople, body: BodyModel, config: BodiesConfig) -> list[str]:
     """Whose size people have, where it is not their own or not one; and heights of nobody."""
-    names = [one.name for one in found.people]
+    names = [one.name for one in results.people]
     notes = [
         f"a height of {one.height_m:g} m was told of {one.person}, and nobody has that name"
         for one in config.heights
         if one.person not in (EVERYBODY, *names)
     ]
-    spreads = {one.name: _size_spread(one, body) for one in found.people}
+    spreads = {one.name: _size_spread(one, body) for one in results.people}
     notes += [
         f"{name}: sizes in the file vary by {spread:.0%}, as of several people who are taken for"
         " one; scale and places are by their mean"
@@ -293,7 +293,7 @@ def _size_notes(found: EstimatedPeople, body: BodyModel, config: BodiesConfig) -
     ]
     of_mean = [
         one
-        for one in found.people
+        for one in results.people
         if height_of(one.name, config.heights) is None and not one.has_betas_of(body.name)
     ]
     if not of_mean:
@@ -316,23 +316,23 @@ def _size_spread(person: EstimatedPerson, body: BodyModel) -> float:
 
 
 def _seen_enough(
-    found: EstimatedPeople, path: Path, frames: FrameSet, config: BodiesConfig
+    results: EstimatedPeople, path: Path, frames: FrameSet, config: BodiesConfig
 ) -> tuple[list[tuple[EstimatedPerson, np.ndarray]], list[str]]:
     """People and which of the video's frames their rows are of; and who was left out, in words."""
     step = config.frames_per_row
-    first = _first_frame(found, frames, step)
-    numbers = [first + step * one.frame_numbers for one in found.people]
+    first = _first_frame(results, frames, step)
+    numbers = [first + step * one.frame_numbers for one in results.people]
     counts = [int(_seen(frames, one, step).sum()) for one in numbers]
     if max(counts) < 2:
         spans = ", ".join(
             f"{one.name}: {own[0]}-{own[-1]}"
-            for one, own in zip(found.people[:5], numbers[:5], strict=True)
+            for one, own in zip(results.people[:5], numbers[:5], strict=True)
         )
         mine = f"{frames.frame_numbers[0]}-{frames.frame_numbers[-1]}"
         what = f"no person has a pose in two of the video's frames {mine} (the file has {spans})"
         raise BadMotionFile(f"{path}: {what}. Give the video's own file")
     kept, left_out = [], []
-    for person, of_rows, count in zip(found.people, numbers, counts, strict=True):
+    for person, of_rows, count in zip(results.people, numbers, counts, strict=True):
         if count >= config.min_images or count == max(counts):
             kept.append((person, of_rows))
         else:

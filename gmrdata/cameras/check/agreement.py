@@ -155,11 +155,11 @@ def compare_turned_again(
     return _with_second(solution, agree, solution.has_camera[key_rows[rows]])
 
 
-def _with_second(solution: Solution, found: Agreement | None, asked: np.ndarray) -> Solution:
+def _with_second(solution: Solution, agree: Agreement | None, asked: np.ndarray) -> Solution:
     """A solution with how a second one agrees; `asked` (N,) bool: which keyframes of the second one
     have a camera in the first, as the other ones may show nothing."""
-    share = 0.0 if found is None else min(1.0, found.cameras / max(1, int(asked.sum())))
-    return replace(solution, second_share=share, agreement=found)
+    share = 0.0 if agree is None else min(1.0, agree.cameras / max(1, int(asked.sum())))
+    return replace(solution, second_share=share, agreement=agree)
 
 
 def without_each(n: int, matches: Matches, well_matched: int) -> np.ndarray:

@@ -402,16 +402,16 @@ def _apart(known: Lens, asked: AskedLens | AskedByLines) -> tuple[float, float]:
     return apart, float(np.hypot(asked.focal_sigma, known.focal_from.sigma or 0.0))
 
 
-def _other_bend(known: Lens, found: SelfCalibration, config: IntrinsicsConfig) -> str:
+def _other_bend(known: Lens, by_motion: SelfCalibration, config: IntrinsicsConfig) -> str:
     """Why a distortion that is given is not that of the frames; empty where none is, or it is.
 
     Frames may show it where they hold no focal length.
     """
-    if known.radial_from.source != "given" or found.focal is None:
+    if known.radial_from.source != "given" or by_motion.focal is None:
         return ""
-    given_k1, asked_k1 = known.radial[0], found.radial_k1
+    given_k1, asked_k1 = known.radial[0], by_motion.radial_k1
     # k1 goes with the square of the focal length.
-    own_sigma = float(np.hypot(found.radial_k1_sigma, 2 * asked_k1 * found.focal_sigma))
+    own_sigma = float(np.hypot(by_motion.radial_k1_sigma, 2 * asked_k1 * by_motion.focal_sigma))
     sigma = float(np.hypot(own_sigma, known.radial_from.sigma or 0.0))
     # Frames that know of no k2 say it by their k1, by as much as it moves the corner at most.
     apart = max(0.0, abs(given_k1 - asked_k1) - abs(known.radial[1]) * known.corner_radius**2)
@@ -462,16 +462,16 @@ def _is_firmer(asked: AskedLens | None, known: Lens) -> bool:
     return source == "metadata" and asked is not None and asked.focal_sigma < (sigma or 0.0)
 
 
-def _asked(found: SelfCalibration, size_px: tuple[int, int]) -> AskedLens | None:
+def _asked(by_motion: SelfCalibration, size_px: tuple[int, int]) -> AskedLens | None:
     """What the frames ask for in their own pixels; None where they don't show it."""
-    if not found.observable or found.focal is None or found.motion is None:
+    if not by_motion.observable or by_motion.focal is None or by_motion.motion is None:
         return None
     return AskedLens(
-        focal_px=found.focal * max(size_px),
-        focal_sigma=found.focal_sigma,
-        radial_k1=found.radial_k1,
-        radial_k1_sigma=found.radial_k1_sigma,
-        motion=found.motion,
+        focal_px=by_motion.focal * max(size_px),
+        focal_sigma=by_motion.focal_sigma,
+        radial_k1=by_motion.radial_k1,
+        radial_k1_sigma=by_motion.radial_k1_sigma,
+        motion=by_motion.motion,
     )
 
 

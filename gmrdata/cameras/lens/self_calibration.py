@@ -187,8 +187,8 @@ def likelier(
     return turning if nearly_turns and turning.focal_sigma < mapped.focal_sigma else mapped
 
 
-def _least_cost(found: SelfCalibration) -> float:
-    return min((start.cost for start in found.starts if start.cost is not None), default=np.inf)
+def _least_cost(tried: SelfCalibration) -> float:
+    return min((start.cost for start in tried.starts if start.cost is not None), default=np.inf)
 
 
 def nothing_found(reason: str, starts: Sequence[StartTried] = ()) -> SelfCalibration:

@@ -252,16 +252,16 @@ def _of_opencv(frames: Frames, image: Path, config: SfmConfig) -> tuple[_Table, 
 
 
 def _as_colmap_has_them(
-    found: Sequence[Any], floats: np.ndarray, larger: np.ndarray, size_px: tuple[int, int]
+    keypoints: Sequence[Any], floats: np.ndarray, larger: np.ndarray, size_px: tuple[int, int]
 ) -> _Table:
     """OpenCV's features of a frame that is `larger` (2,) times what they were sought in."""
-    if not found:
+    if not keypoints:
         return NO_FEATURES
     # OpenCV's (0, 0) is the centre of the first pixel, COLMAP's its corner.
-    at_px = (np.array([one.pt for one in found]) + 0.5) * larger
+    at_px = (np.array([one.pt for one in keypoints]) + 0.5) * larger
     at_px = np.clip(at_px, 0, np.nextafter(np.array(size_px, np.float32), np.float32(0)))
-    size = np.array([one.size for one in found]) / 2 * larger[0]
-    turn = np.deg2rad([one.angle for one in found])
+    size = np.array([one.size for one in keypoints]) / 2 * larger[0]
+    turn = np.deg2rad([one.angle for one in keypoints])
     along, across = size * np.cos(turn), size * np.sin(turn)
     places = np.c_[at_px, along, -across, across, along].astype(np.float32)
     # As COLMAP has them: the root of each share (Arandjelovic and Zisserman 2012), in 512ths.
@@ -269,11 +269,11 @@ def _as_colmap_has_them(
     return places, np.minimum(np.round(512 * np.sqrt(shares)), 255).astype(np.uint8)
 
 
-def _chosen(found: Sequence[Any], rows: Iterable[int], config: SfmConfig) -> list[int]:
+def _chosen(keypoints: Sequence[Any], rows: Iterable[int], config: SfmConfig) -> list[int]:
     """Those rows of the features of the largest places, with the first directions of each."""
     places: dict[tuple[float, float, float], list[int]] = {}
     # All of one place follow each other, by their angle.
     for i in rows:
-        places.setdefault((found[i].size, *found[i].pt), []).append(i)
+        places.setdefault((keypoints[i].size, *keypoints[i].pt), []).append(i)
     largest = sorted(places, reverse=True)[: config.max_features]
     return sorted(i for place in largest for i in places[place][: config.max_orientations])

@@ -76,10 +76,10 @@ def _require_in_order(pictures: list[str], path: Path) -> None:
             raise BadMotionFile(f"{path}: {what}. {remedy}")
 
 
-def ends_early(found: EstimatedPeople, n_frames: int) -> bool:
+def ends_early(results: EstimatedPeople, n_frames: int) -> bool:
     """Whether a result is PHALP's of the first frames of a video of so many, as it does by itself:
     frames have their numbers, so those that are there are the video's."""
-    return found.system == "phalp" and found.n_frames == END_FRAME < n_frames
+    return results.system == "phalp" and results.n_frames == END_FRAME < n_frames
 
 
 def _tracked(frame: Entry) -> tuple[int, list[tuple[str, Entry]]]:
