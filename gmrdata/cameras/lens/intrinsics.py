@@ -252,7 +252,7 @@ def find_intrinsics(
 class _Shown(NamedTuple):
     """What the frames show of the lens."""
 
-    found: SelfCalibration | None
+    motion: SelfCalibration | None
     """By the camera's motion; None where they were not asked."""
     lines: AskedByLines | None
 
