@@ -26,11 +26,7 @@ LICENCE = "Human3.6M's licence (academic use; not to be passed on)"
 
 
 def take_clip(
-    subject: int,
-    take: files.Performance,
-    camera_number: int,
-    camera: files.FixedCamera,
-    body: BodyModel,
+    subject: int, take: files.Action, camera_number: int, camera: files.FixedCamera, body: BodyModel
 ) -> Clip:
     """A take at the rate of its frames: 10 Hz where, as published, each fifth frame was fitted.
 

@@ -23,7 +23,7 @@ from gmrdata.gmr.runs import ClipFile, usable_files
 from gmrdata.manifest.read import listed_path
 from gmrdata.motion.resample import Between, between_known
 from gmrdata.people.following import FollowConfig, Networks, Sightings, follow_people, load_tracks
-from gmrdata.people.landmark_network import LANDMARKS, LandmarkCrop, open_landmark_features
+from gmrdata.people.landmark_network import LANDMARKS, Square, open_landmark_features
 from gmrdata.people.local_poses import LocalPosesConfig, local_poses
 from gmrdata.read.bodies import ANNY_FILE
 from gmrdata.read.body_file import read_body
@@ -188,7 +188,7 @@ class _Viewer:
         write_keypoints(self._out_dir / KEYPOINTS_FOLDER / clip.id, clip, track, between)
         crops = crops_between(track.crops, between)
         features = [
-            self._look(read_color(images[number]), LandmarkCrop(crop[:2], crop[2], crop[3]))
+            self._look(read_color(images[number]), Square(crop[:2], crop[2], crop[3]))
             for number, crop in zip(clip.image_numbers.tolist(), crops, strict=True)
         ]
         arrays = {"features": np.stack(features)}

@@ -29,9 +29,9 @@ from gmrdata.people.landmark_network import (
     LANDMARKS,
     LIMBS,
     N_LANDMARKS,
-    LandmarkCrop,
     LandmarkNetwork,
     PersonInCrop,
+    Square,
     crop_around,
     look_mirrored,
     open_landmark_network,
@@ -287,7 +287,7 @@ def follow_people(
         detect = open_detector(networks.detector, people)
         with ThreadPoolExecutor(1) as beside:
 
-            def mirrored(image: np.ndarray, crop: LandmarkCrop) -> Future[PersonInCrop]:
+            def mirrored(image: np.ndarray, crop: Square) -> Future[PersonInCrop]:
                 return beside.submit(look_mirrored, other, image, crop)
 
             follower = _Follower(frames, partial, config, detect, look, mirrored)
@@ -347,7 +347,7 @@ class _Follower:
     config: FollowConfig
     detect: Detector
     look: LandmarkNetwork
-    mirrored: Callable[[np.ndarray, LandmarkCrop], Future[PersonInCrop]]
+    mirrored: Callable[[np.ndarray, Square], Future[PersonInCrop]]
     """`look_mirrored` by a network of its own, in another thread."""
     detections: list[Detections] = field(default_factory=list)  # of the frames gone through
     n_pieces: int = 0
@@ -399,9 +399,7 @@ class _Follower:
                 earlier += self._go_back(newcomer, row)
         return here + earlier
 
-    def _first_look(
-        self, image: np.ndarray, box_px: np.ndarray
-    ) -> tuple[PersonInCrop, LandmarkCrop]:
+    def _first_look(self, image: np.ndarray, box_px: np.ndarray) -> tuple[PersonInCrop, Square]:
         """The person in a detector's box, and the crop in which it was seen.
 
         Who lies or bends down is wider than tall, and in an upright crop the network, which knows
@@ -418,9 +416,7 @@ class _Follower:
         ]
         return self._grown(image, *max(looks, key=lambda one: self._reach(one[0])))
 
-    def _head_up_or_down(
-        self, image: np.ndarray, upright: LandmarkCrop
-    ) -> tuple[PersonInCrop, LandmarkCrop]:
+    def _head_up_or_down(self, image: np.ndarray, upright: Square) -> tuple[PersonInCrop, Square]:
         """The person in a crop: head down, as in the picture of a camera that is mounted so, only
         where the upright look shows hardly anything and the other one clearly more."""
         person, crop = self._settled(image, upright, 1)
@@ -432,9 +428,7 @@ class _Follower:
             return other, turned
         return person, crop
 
-    def _settled(
-        self, image: np.ndarray, crop: LandmarkCrop, times: int
-    ) -> tuple[PersonInCrop, LandmarkCrop]:
+    def _settled(self, image: np.ndarray, crop: Square, times: int) -> tuple[PersonInCrop, Square]:
         """The person in a crop, seen so often in the one that landmarks give: the network knows
         such."""
         person = self.look(image, crop)
@@ -446,8 +440,8 @@ class _Follower:
         return person, crop
 
     def _grown(
-        self, image: np.ndarray, person: PersonInCrop, crop: LandmarkCrop
-    ) -> tuple[PersonInCrop, LandmarkCrop]:
+        self, image: np.ndarray, person: PersonInCrop, crop: Square
+    ) -> tuple[PersonInCrop, Square]:
         """The person in a crop that no longer grows, or shows nobody beyond, where it grew much.
         Of who is hidden below the hips the box shows the upper half, and the network squeezes the
         whole body into it, a little less each time.
@@ -475,7 +469,7 @@ class _Follower:
         kept = []
         for one in people:
             x, y, side_px, turn_rad = one["next_crops"]
-            crop = LandmarkCrop(np.array([x, y]), side_px, turn_rad)
+            crop = Square(np.array([x, y]), side_px, turn_rad)
             mirrored = self.mirrored(image, crop)
             kept += self._note(self.look(image, crop), crop, mirrored, one["pieces"], image, row)
         return kept
@@ -492,7 +486,7 @@ class _Follower:
     def _note(
         self,
         person: PersonInCrop,
-        crop: LandmarkCrop,
+        crop: Square,
         mirrored: Future[PersonInCrop],
         piece: int,
         image: np.ndarray,
@@ -525,7 +519,7 @@ class _Follower:
         return [seen | {key: values.tolist() for key, values in arrays.items()}]
 
     def _shows_another(
-        self, person: PersonInCrop, crop: LandmarkCrop, image: np.ndarray, row: int
+        self, person: PersonInCrop, crop: Square, image: np.ndarray, row: int
     ) -> bool:
         """Whether a closer look at a person whom others touch, or who has two boxes, shows another
         body: of two people the network may make one, and be sure of it."""

@@ -62,7 +62,7 @@ OUTPUT_SIZES = {"landmarks": 39 * 5, "score": 1, "mask": CROP_PX * CROP_PX, "wor
 
 
 @dataclass(frozen=True, eq=False)
-class LandmarkCrop:
+class Square:
     """A square of the picture in which a person is looked for."""
 
     centre_px: np.ndarray  # (2,) in the picture [px]
@@ -89,19 +89,19 @@ class PersonInCrop:
     score: float  # From 0 to 1: that there is a person
     mask: np.ndarray  # (H, W) uint8, 255 on the person
     box_px: np.ndarray  # (4,) left, top, right, bottom of the mask; all 0 where it is empty [px]
-    next_crop: LandmarkCrop
+    next_crop: Square
     image_px: np.ndarray  # (33, 2) the body's landmarks in the picture [px]
     world_m: np.ndarray  # (33, 3) the same in metres from the middle of the hips, camera's axes
     visibility: np.ndarray  # (33,) from 0 to 1
 
 
-LandmarkNetwork = Callable[[np.ndarray, LandmarkCrop], PersonInCrop]
+LandmarkNetwork = Callable[[np.ndarray, Square], PersonInCrop]
 
 
-def crop_around(box_px: np.ndarray) -> LandmarkCrop:
+def crop_around(box_px: np.ndarray) -> Square:
     """The upright crop around a person's box (4,) [px]."""
     low, high = box_px[:2], box_px[2:]
-    return LandmarkCrop((low + high) / 2, CROP_MARGIN * float((high - low).max()))
+    return Square((low + high) / 2, CROP_MARGIN * float((high - low).max()))
 
 
 def open_landmark_network(model_path: Path) -> LandmarkNetwork:
@@ -109,7 +109,7 @@ def open_landmark_network(model_path: Path) -> LandmarkNetwork:
     MissingInput where there is no file; BadDetector for one that is no such TFLite network."""
     net = _open(model_path)
 
-    def look(image: np.ndarray, crop: LandmarkCrop) -> PersonInCrop:
+    def look(image: np.ndarray, crop: Square) -> PersonInCrop:
         outputs = _outputs(net, _square(image, crop), model_path)
         return _person(outputs, crop, image.shape[1::-1])
 
@@ -117,10 +117,10 @@ def open_landmark_network(model_path: Path) -> LandmarkNetwork:
     return look
 
 
-def look_mirrored(look: LandmarkNetwork, image: np.ndarray, crop: LandmarkCrop) -> PersonInCrop:
+def look_mirrored(look: LandmarkNetwork, image: np.ndarray, crop: Square) -> PersonInCrop:
     """What the network says of a crop's mirror image; landmarks are mirrored back."""
     centre_px = np.array([image.shape[1] - 1 - crop.centre_px[0], crop.centre_px[1]])
-    mirror = LandmarkCrop(centre_px, crop.side_px, -crop.turn_rad)
+    mirror = Square(centre_px, crop.side_px, -crop.turn_rad)
     other = look(np.ascontiguousarray(image[:, ::-1]), mirror)
     sides = list(MIRRORED_LANDMARKS)
     image_px, world_m = other.image_px[sides], other.world_m[sides] * (-1.0, 1.0, 1.0)
@@ -149,7 +149,7 @@ def to_the_left(world_m: np.ndarray) -> np.ndarray:
     return np.asarray(left_m - right_m)
 
 
-LandmarkFeatures = Callable[[np.ndarray, LandmarkCrop], np.ndarray]
+LandmarkFeatures = Callable[[np.ndarray, Square], np.ndarray]
 FEATURE_LAYER = re.compile(r"/re_lu_(\d+)/Relu6;[^;]*/add_")
 FEATURE_SHAPES = (1, 2, 2, 192), (1, 2, 2, 288)
 """The last layer before landmarks and score part, by its name, of lite, and of full and heavy."""
@@ -167,11 +167,11 @@ def open_landmark_features(model_path: Path) -> LandmarkFeatures:
         raise BadDetector(f"{model_path}: not BlazePose GHUM: no such layer; {REMEDY}")
     _, index = max(numbered)
 
-    def look(image: np.ndarray, crop: LandmarkCrop) -> np.ndarray:
+    def look(image: np.ndarray, crop: Square) -> np.ndarray:
         _run(net, _square(image, crop), model_path)
         return np.moveaxis(net.get_tensor(index), 3, 1).astype(np.float32).ravel()
 
-    look(np.zeros((CROP_PX, CROP_PX, 3), np.uint8), LandmarkCrop(np.full(2, CROP_PX / 2), CROP_PX))
+    look(np.zeros((CROP_PX, CROP_PX, 3), np.uint8), Square(np.full(2, CROP_PX / 2), CROP_PX))
     return look
 
 
@@ -207,7 +207,7 @@ def _in_silence() -> Iterator[None]:
         os.close(kept)
 
 
-def _square(image: np.ndarray, crop: LandmarkCrop) -> np.ndarray:
+def _square(image: np.ndarray, crop: Square) -> np.ndarray:
     """The crop of a BGR picture (H, W, 3) as the network wants it (256, 256, 3)."""
     import cv2
 
@@ -236,9 +236,7 @@ def _outputs(net: Any, square: np.ndarray, model_path: Path) -> dict[str, np.nda
     return {name: by_size[size] for name, size in OUTPUT_SIZES.items()}
 
 
-def _person(
-    outputs: dict[str, np.ndarray], crop: LandmarkCrop, size_px: tuple[int, ...]
-) -> PersonInCrop:
+def _person(outputs: dict[str, np.ndarray], crop: Square, size_px: tuple[int, ...]) -> PersonInCrop:
     import cv2
 
     image_from_crop = cv2.invertAffineTransform(crop.crop_from_image)
@@ -254,7 +252,7 @@ def _person(
         score=float(outputs["score"][0]),
         mask=mask,
         box_px=np.array([left, top, left + width, top + height], dtype=np.float64),
-        next_crop=LandmarkCrop(
+        next_crop=Square(
             centre_px=hips_px,
             side_px=max(1.0, 2 * CROP_MARGIN * float(np.linalg.norm(up_px))),
             turn_rad=float(np.arctan2(up_px[0], -up_px[1])),

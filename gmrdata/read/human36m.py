@@ -64,7 +64,7 @@ def find_cameras(parameter_path: Path, subject: int) -> Path:
 
 
 @dataclass(frozen=True, eq=False)
-class Performance:
+class Action:
     """One performance of an action: N frames that have SMPL parameters, in ascending order."""
 
     action: int  # 2 to 16
@@ -84,7 +84,7 @@ class FixedCamera:
     world_from_cam: np.ndarray
 
 
-def read_takes(path: Path) -> list[Performance]:
+def read_takes(path: Path) -> list[Action]:
     """All takes, by action and subaction.  NaN in a frame is kept; `usable_rows` finds it."""
     content = _read(path)
     takes = []
@@ -127,7 +127,7 @@ def _require_object(value: Any, place: str) -> None:
         raise numbers.WrongContent(f"{place} is {numbers.kind_of(value)}, not an object")
 
 
-def _take(action: int, subaction: int, value: Any) -> Performance:
+def _take(action: int, subaction: int, value: Any) -> Action:
     place = f"[{action}][{subaction}]"
     rows = _numbered(value, place)
     if not rows:
@@ -139,7 +139,7 @@ def _take(action: int, subaction: int, value: Any) -> Performance:
         np.stack([_flat(row, f"{place}[{n}]", key, size) for n, row in rows])
         for key, size in (("pose", 72), ("shape", 10), ("trans", 3))
     )
-    return Performance(action, subaction, frames, poses_rad, shapes, trans_m)
+    return Action(action, subaction, frames, poses_rad, shapes, trans_m)
 
 
 def _flat(row: Any, place: str, key: str, size: int) -> np.ndarray:

@@ -67,7 +67,7 @@ _PLAIN = (bool, int, float, complex, str, bytes, bytearray, np.ndarray, type(Non
 
 
 @dataclass(eq=False)
-class PickledCall:
+class Call:
     """A call that the pickle asked for; nothing was called."""
 
     kind: str
@@ -111,26 +111,26 @@ def _plain_value(kind: str | None, arguments: tuple[Any, ...]) -> Any:
     return None
 
 
-def _record(kind: str, arguments: tuple[Any, ...]) -> PickledCall | None:
+def _record(kind: str, arguments: tuple[Any, ...]) -> Call | None:
     """The record of a call that makes an array or a part of one, else None."""
     match kind, arguments:
         case "torch storage", (bytes(),):
-            return PickledCall(TORCH_STORAGE, arguments)
-        case "parameter", (PickledCall("tensor") as tensor, bool(), {}):
+            return Call(TORCH_STORAGE, arguments)
+        case "parameter", (Call("tensor") as tensor, bool(), {}):
             return tensor
         case "tensor", (np.ndarray(), int(), tuple(), tuple(), bool(), {}, *_):
-            return PickledCall("tensor", arguments[:4])
+            return Call("tensor", arguments[:4])
         case "dtype", (str() as code, *_) if _DTYPE_CODE.fullmatch(code):
-            return PickledCall("dtype", (code,))
-        case "scalar", (PickledCall("dtype", (str() as code,)), bytes() | str()) if code[0] != "O":
-            return PickledCall("scalar", arguments)
-        case "buffer", (bytes() | bytearray(), PickledCall(kind="dtype"), tuple(), "C" | "F"):
-            return PickledCall("buffer", arguments)
+            return Call("dtype", (code,))
+        case "scalar", (Call("dtype", (str() as code,)), bytes() | str()) if code[0] != "O":
+            return Call("scalar", arguments)
+        case "buffer", (bytes() | bytearray(), Call(kind="dtype"), tuple(), "C" | "F"):
+            return Call("buffer", arguments)
         case ("array", ("numpy.ndarray", _, _)) | (
             "csc" | "csr" | "chumpy.ch.Ch" | "chumpy.reordering.Select" | "joblib array",
             (),
         ):
-            return PickledCall(kind, ())
+            return Call(kind, ())
     return None
 
 
@@ -154,7 +154,7 @@ def array_that_follows(
     """
     keys = ("shape", "order", "dtype")
     match [state.get(key) for key in keys] if isinstance(state, dict) else []:
-        case [tuple() as shape, "C" | "F" as order, PickledCall("dtype") as recorded]:
+        case [tuple() as shape, "C" | "F" as order, Call("dtype") as recorded]:
             dtype = _dtype(recorded)
         case _:
             raise ValueError("a joblib array lacks its shape, order or dtype")
@@ -234,7 +234,7 @@ def _plain(value: Any, done: _Done) -> Any:
         table.update({_plain(key, done): _plain(item, done) for key, item in value.items()})
     elif isinstance(value, tuple | set | frozenset):
         done[id(value)] = type(value)(_plain(item, done) for item in value)
-    elif isinstance(value, PickledCall):
+    elif isinstance(value, Call):
         done[id(value)] = _evaluate(value, done)
     else:
         name = getattr(value, "name", type(value).__name__)
@@ -242,15 +242,9 @@ def _plain(value: Any, done: _Done) -> Any:
     return done[id(value)]
 
 
-def _evaluate(record: PickledCall, done: _Done) -> Any:
+def _evaluate(record: Call, done: _Done) -> Any:
     match record.kind, record.arguments, record.state:
-        case "array", _, (
-            1,
-            tuple() as shape,
-            PickledCall("dtype") as dtype,
-            int() as fortran,
-            raw,
-        ):
+        case "array", _, (1, tuple() as shape, Call("dtype") as dtype, int() as fortran, raw):
             return _array(raw, _dtype(dtype), shape, "F" if fortran else "C", done)
         case "scalar", (dtype, raw), None:
             return _array(raw, _dtype(dtype), (), "C", done)[()]
@@ -272,7 +266,7 @@ def _evaluate(record: PickledCall, done: _Done) -> Any:
     raise ValueError(f"the parts of a {record.kind} do not fit together")
 
 
-def _dtype(record: PickledCall) -> np.dtype:
+def _dtype(record: Call) -> np.dtype:
     dtype = np.dtype(record.arguments[0])
     match record.state:
         case None:

@@ -219,10 +219,7 @@ class Interpreter(pickle._Unpickler):
     def _call(self) -> None:
         arguments = self.stack.pop()
         made = _record(self.stack[-1], arguments, self.budget)
-        if (
-            isinstance(made, pickle_records.PickledCall)
-            and made.kind == pickle_records.TORCH_STORAGE
-        ):
+        if isinstance(made, pickle_records.Call) and made.kind == pickle_records.TORCH_STORAGE:
             made = _storage(made.arguments[0], self.budget)
         self.stack[-1] = made
 
@@ -242,7 +239,7 @@ class Interpreter(pickle._Unpickler):
     def _set_state(self) -> None:
         state = self.stack.pop()
         made = self.stack[-1]
-        if not isinstance(made, pickle_records.PickledCall) or made.state is not None:
+        if not isinstance(made, pickle_records.Call) or made.state is not None:
             raise UnsafePickle(f"wants to set attributes of a {type(made).__name__}")
         made.state = state
         if made.kind == pickle_records.JOBLIB_ARRAY:

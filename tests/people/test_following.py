@@ -35,9 +35,9 @@ from gmrdata.people.landmark_body import HIPS
 from gmrdata.people.landmark_network import (
     LANDMARKS,
     LIMBS,
-    LandmarkCrop,
     LandmarkNetwork,
     PersonInCrop,
+    Square,
     crop_around,
     look_mirrored,
     open_landmark_network,
@@ -126,7 +126,7 @@ def test_landmarks_are_of_two_looks(followed_dir, frames_dir, networks):
     look, track = open_landmark_network(networks.landmarks), load_tracks(followed_dir)[0]
     image = read_color(read_frames(frames_dir).paths[-1])
     x_px, y_px, side_px, turn_rad = track.crops[-1]
-    crop = LandmarkCrop(np.array([x_px, y_px]), side_px, turn_rad)
+    crop = Square(np.array([x_px, y_px]), side_px, turn_rad)
     once = look(image, crop)
     twice = seen_twice(once, look_mirrored(look, image, crop), CONFIG.min_score)
     np.testing.assert_allclose(track.image_px[-1], twice.image_px, atol=1e-3)
@@ -179,7 +179,7 @@ def follower_of(
 ) -> _Follower:
     """At its first frame, with a network for all looks."""
 
-    def mirrored(image: np.ndarray, crop: LandmarkCrop) -> Future[PersonInCrop]:
+    def mirrored(image: np.ndarray, crop: Square) -> Future[PersonInCrop]:
         looked = Future[PersonInCrop]()
         looked.set_result(look_mirrored(look, image, crop))
         return looked
@@ -209,11 +209,11 @@ def test_who_is_another_in_a_closer_look_beside_or_as_somebody_is_not_seen(
 ):
     """A man behind a woman, and a woman above a man who hid her legs from a steep camera, had the
     limbs of both, and in a closer look others."""
-    crop = LandmarkCrop(np.array([300.0, 300.0]), 500.0)
+    crop = Square(np.array([300.0, 300.0]), 500.0)
     image_px = np.random.default_rng(0).uniform(200, 400, (33, 2))
     box_px = np.array([250.0, 100.0, 350.0, 500.0])
 
-    def look(image: np.ndarray, asked: LandmarkCrop) -> PersonInCrop:
+    def look(image: np.ndarray, asked: Square) -> PersonInCrop:
         is_closer = asked.side_px < crop.side_px
         moved_px = (
             image_px + np.where(np.isin(np.arange(33), LIMBS), off_px * is_closer, 0)[:, None]
@@ -293,7 +293,7 @@ def test_a_look_that_grows_ends_where_somebody_is_seen(frames_dir, tmp_path, see
     """Of who sat close to a webcam a crop far beyond the picture showed nobody, and so nobody was
     there."""
 
-    def look(image: np.ndarray, crop: LandmarkCrop) -> PersonInCrop:
+    def look(image: np.ndarray, crop: Square) -> PersonInCrop:
         score = float(crop.side_px < seen_upto_px)
         wanted = replace(crop, side_px=min(1.2 * crop.side_px, 864.0))
         marks_px, mask = np.zeros((33, 2)), np.zeros(image.shape[:2], np.uint8)
@@ -304,7 +304,7 @@ def test_a_look_that_grows_ends_where_somebody_is_seen(frames_dir, tmp_path, see
     follower = follower_of(look, frames_dir, tmp_path)
     image, first = (
         read_color(follower.frames.paths[0]),
-        LandmarkCrop(np.array([300.0, 300.0]), 500.0),
+        Square(np.array([300.0, 300.0]), 500.0),
     )
     person, crop = follower._grown(image, look(image, first), first)
     assert person.score == 1 and crop.side_px == pytest.approx(side_px)
@@ -328,7 +328,7 @@ def test_who_stands_is_looked_at_once_more_alone(followed_dir, frames_dir, netwo
     image, looked = read_color(list_images(frames_dir)[0]), []
     network = open_landmark_network(networks.landmarks)
 
-    def look(image: np.ndarray, crop: LandmarkCrop) -> PersonInCrop:
+    def look(image: np.ndarray, crop: Square) -> PersonInCrop:
         looked.append(crop.turn_rad)
         return network(image, crop)
 

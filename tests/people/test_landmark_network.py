@@ -12,9 +12,9 @@ from gmrdata.people.landmark_network import (
     CROP_PX,
     LIMBS,
     MIRRORED_LANDMARKS,
-    LandmarkCrop,
     LandmarkNetwork,
     PersonInCrop,
+    Square,
     _person,
     crop_around,
     look_mirrored,
@@ -92,7 +92,7 @@ def test_a_person_in_a_picture_on_its_side_has_the_same_outline(pose_landmarks, 
     person = look(image, crop_around(np.array([545.0, 87.0, 668.0, 372.0])))
     x_px, y_px = person.next_crop.centre_px
     assert abs(person.next_crop.turn_rad) < 0.2 and 545 < x_px < 668 and 87 < y_px < 372
-    quarter = LandmarkCrop(
+    quarter = Square(
         np.array([image.shape[0] - y_px, x_px]),
         person.next_crop.side_px,
         person.next_crop.turn_rad + np.pi / 2,
@@ -107,11 +107,9 @@ def test_a_person_in_a_picture_on_its_side_has_the_same_outline(pose_landmarks, 
     np.testing.assert_allclose(upright.box_px, [545, 87, 668, 372], atol=15)
 
 
-def mirrored(image: np.ndarray, crop: LandmarkCrop) -> tuple[np.ndarray, LandmarkCrop]:
+def mirrored(image: np.ndarray, crop: Square) -> tuple[np.ndarray, Square]:
     centre_px = np.array([image.shape[1] - 1 - crop.centre_px[0], crop.centre_px[1]])
-    return np.ascontiguousarray(image[:, ::-1]), LandmarkCrop(
-        centre_px, crop.side_px, -crop.turn_rad
-    )
+    return np.ascontiguousarray(image[:, ::-1]), Square(centre_px, crop.side_px, -crop.turn_rad)
 
 
 @pytest.fixture
@@ -122,7 +120,7 @@ def seen(pose_landmarks, shared_path):
     return look, image, look(image, crop_around(np.array([545.0, 87.0, 668.0, 372.0]))).next_crop
 
 
-def twice(look: LandmarkNetwork, image: np.ndarray, crop: LandmarkCrop) -> PersonInCrop:
+def twice(look: LandmarkNetwork, image: np.ndarray, crop: Square) -> PersonInCrop:
     return seen_twice(look(image, crop), look_mirrored(look, image, crop), 0.5)
 
 
@@ -158,7 +156,7 @@ def test_landmarks_count_from_the_corner_of_a_pixel(seen, shared_path):
 def test_landmarks_of_the_picture_count_from_its_corner(turn_rad, side_px):
     """As the lens does: what lies on a pixel's middle lay half a pixel up and left of it."""
     at_px = np.random.default_rng(0).uniform(200, 500, (39, 2))  # from the picture's corner
-    crop = LandmarkCrop(np.array([350.0, 340.0]), side_px, turn_rad)
+    crop = Square(np.array([350.0, 340.0]), side_px, turn_rad)
     # Both OpenCV's from middles of pixels to such, and the network's from the corner of its own.
     in_crop_px = (at_px - 0.5) @ crop.crop_from_image[:, :2].T + crop.crop_from_image[:, 2] + 0.5
     outputs = {
