@@ -38,13 +38,15 @@ def share(arguments: Sequence[str]) -> Iterator[None]:
     typed = _parted(arguments)
     if gone := [flag for flag in GONE if flag in typed]:
         fail(f"{gone[0]} is gone: docs/scale.md, Slurm and Kubernetes, has such a script", code=2)
-    out = _values(typed).get(OUT_FLAG)
+    out, looks = _values(typed).get(OUT_FLAG), DRY_RUN in typed
+    if looks and SHARD_FLAG in typed:
+        remark(f"{DRY_RUN} is of the whole batch, whatever {SHARD_FLAG} says")
     left = None
     try:
         yield
     except OthersLeft as others:
         left = others
-    if out is not None and SHARD_FLAG in typed and DRY_RUN not in typed:
+    if out is not None and SHARD_FLAG in typed and not looks:
         record = CommandRecord(arguments=tuple(typed), folder=str(Path.cwd()))
         record.write(Path.cwd() / out / COMMAND_FILE)
     if left is not None:

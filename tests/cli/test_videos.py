@@ -164,7 +164,8 @@ def test_shards_and_merge_leave_the_bytes_of_one_process(command, gmrdata, tmp_p
 def test_one_shard_of_one_is_merged_and_a_dry_run_is_none(walks_command, gmrdata, works, tmp_path):
     out = tmp_path / "out"
     command = (*walks_command(1), "--out", out, "--shard", "1/1", "--workers", "1")
-    works(*command, "--dry-run")
+    said = works(*command, "--dry-run").stderr
+    assert "--dry-run is of the whole batch, whatever --shard says" in said
     assert not out.exists()
     out.mkdir()
     fails_cleanly(gmrdata("merge", out), "nothing to merge: no shard ended here")
