@@ -218,9 +218,11 @@ class Split:
     @property
     def statement(self) -> str:
         reasons = ", ".join(f"{count} {reason}" for reason, count in self.left_out.items())
-        n_out = sum(self.left_out.values())
-        total = len(self.training) + n_out
-        return f"not trained on: {n_out} of {total} clips ({reasons})" if n_out else ""
+        n_out, n = sum(self.left_out.values()), len(self.training)
+        out = f"not trained on: {n_out} of {n + n_out} clips ({reasons})" if n_out else ""
+        of_nobody = [one for one in self.training if subject_of(one.entry.source) is None]
+        one = f"data.balance: {len(of_nobody)} of {n} clips name nobody, and count as one person's"
+        return "; ".join(filter(None, (out, one if of_nobody and self.mix.balance != 1 else "")))
 
 
 def split_manifests(

@@ -256,6 +256,8 @@ def test_people_come_one_after_the_other_where_they_are_balanced(make_manifest):
     assert balanced.mix.sizes == (*(n for _, n in in_a_row), 1)
     assert balanced.mix.manifests == (0, 0, 0, 0, 1) and balanced.mix.balance == 0.5
     assert balanced.mix.sizes_of_manifests == (8, 1)
+    nobody = "data.balance: 3 of 9 clips name nobody, and count as one person's"
+    assert balanced.statement == nobody and split.statement == ""
     assert {file.entry.id for file in balanced.training} == {
         file.entry.id for file in split.training
     }
