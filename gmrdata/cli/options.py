@@ -132,14 +132,6 @@ class NetworkOptions:
     classes: tuple[str, ...] = ()
     """COCO's names of what to mask; people, vehicles and animals when left out."""
 
-    def absolute(self) -> "NetworkOptions":
-        """The same, for a worker that may run in another folder."""
-        detector, landmark_network, maskrcnn = (
-            file and file.absolute()
-            for file in (self.detector, self.landmark_network, self.maskrcnn)
-        )
-        return NetworkOptions(detector, landmark_network, maskrcnn, self.classes)
-
 
 NetworkFlags = Annotated[NetworkOptions, OmitArgPrefixes]
 """Flags of `NetworkOptions`, below the usual ones of a verb; give it no default."""
@@ -273,7 +265,7 @@ def by_key(flag: str, texts: Sequence[str], remedy: str) -> dict[str, str]:
 
 def body_path(body: str) -> Path | None:
     """The file of `--body`; None for the default body."""
-    return None if body == "anny" else Path(body)
+    return None if body == "anny" else Path(body).expanduser()
 
 
 def say_lost(frames_dir: Path) -> None:

@@ -12,6 +12,7 @@ from gmrdata.cli.answers import answer, answer_json, fail, print_table, then
 from gmrdata.stage.progress import remark
 from gmrdata.stage.run import Run
 from gmrdata.values.errors import BadFrames, BadRecipe, GmrdataError, MissingInput
+from gmrdata.values.records import with_absolute_paths
 
 
 def masks(
@@ -303,7 +304,7 @@ def _masks(
     flags.need(names, "a source of masks: --masks person, or none")
     if names == NO_MASKS:
         return None
-    config = masks_named(names, **vars(networks.absolute()))
+    config = masks_named(names, **vars(with_absolute_paths(networks)))
     try:
         network_files(config.for_cameras_alone if str(poses) == NOBODY else config)
     except MissingInput as error:

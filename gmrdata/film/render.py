@@ -234,8 +234,18 @@ def render_clip(
         clip_path=Path(clip_path), body_path=Path(body_path), out_dir=Path(out_dir),
         config=config, threads=threads, layout_paths=tuple(map(Path, layout_paths)),
     )  # fmt: skip
+    return render_job(job, config, run, on_frame)
+
+
+def render_job(
+    job: RenderJob,
+    recorded: RenderConfig,
+    run: Run = DEFAULT_RUN,
+    on_frame: Callable[[int], None] | None = None,
+) -> Path:
+    """`render_clip` of a job, whose paths may be full where the record has those of a recipe."""
     work = Resumable(partial(_render, job, on_frame))
-    return run_stage("render", job.out_dir, config, job.inputs, work, run=run)
+    return run_stage("render", job.out_dir, recorded, job.inputs, work, run=run)
 
 
 def _render(

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from gmrdata.film.character import residual_figures
-from gmrdata.film.render import RenderConfig, RenderJob, optional_outputs, render_clip
+from gmrdata.film.render import RenderConfig, RenderJob, optional_outputs, render_clip, render_job
 from gmrdata.film.render_outputs import IN_FRAME, clearance_figures, whole_person_share
 from gmrdata.film.set_plan import (
     PlannedClip,
@@ -48,7 +48,7 @@ from gmrdata.values.clip import CHARACTER_FILE, Clip, load_character, load_clip,
 from gmrdata.values.errors import BadRecipe, MissingInput, RenderOverLimit, StageFailed
 from gmrdata.values.files import remove_orphans, write_text
 from gmrdata.values.limits import MIB
-from gmrdata.values.records import compared
+from gmrdata.values.records import compared, with_absolute_paths
 
 DESCRIPTION = "rendering frames"
 MASKS = "masks/[0-9]*.png"  # one for each frame
@@ -72,10 +72,11 @@ def try_render_clips(
     """
     own = [job for id, job in jobs.items() if pool.is_own(id)]
     n_frames = sum(load_clip(job.clip_path).motion.n_frames for job in own)
-    calls = [
-        stage_jobs.Job(id, render_clip, dict(job) | {"run": run}, RETRIES)
-        for id, job in jobs.items()
-    ]
+    # By absolute paths: a worker of another machine may run in another folder.
+    said = {
+        id: {"job": with_absolute_paths(job), "recorded": job.config} for id, job in jobs.items()
+    }
+    calls = [stage_jobs.Job(id, render_job, said[id] | {"run": run}, RETRIES) for id in jobs]
     folders, counted = [job.out_dir for job in own], dict[Path, int]()
     return stage_jobs.try_jobs(
         DESCRIPTION,

@@ -37,7 +37,7 @@ from gmrdata.stage.store import AGAIN, StageRecord, run_stage
 from gmrdata.values.clip import Clip, save_clip
 from gmrdata.values.errors import BadManifest, BadMotionFile, BadRecipe, GmrdataError, MissingInput
 from gmrdata.values.files import as_paths, as_text
-from gmrdata.values.records import Config, Record
+from gmrdata.values.records import Config, Record, with_absolute_paths
 
 LICENCES = {
     "gmrdata": "CC0-1.0",  # generated gait on a CC0 body: nobody's work but the program's
@@ -283,8 +283,7 @@ def make_library(
     # By absolute paths: a worker of another machine may run in another folder.
     files = library_files(tuple(source.absolute() for source in as_paths(sources)), config)
     body_paths = _keep(body, out_dir / "body", run)
-    own = {name: file.absolute() for name, file in config.inputs.items()}
-    config = config.model_copy(update=own)
+    config = with_absolute_paths(config)
     shared = {"body_paths": body_paths, "out_dir": out_dir, "config": config, "run": run}
     jobs = [Job(file.id, make_entry, {"file": file} | shared) for file in files]
     outcome = try_batch(READING, jobs, out_dir / FAILED, run, FEW_FILES)

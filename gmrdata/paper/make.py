@@ -51,6 +51,7 @@ from gmrdata.stage.store import run_stage, state_of
 from gmrdata.stage.workers import worker_pool
 from gmrdata.values.errors import BadManifest, BadRecipe, GmrdataError, MissingInput
 from gmrdata.values.files import read_npz, resolve_inside, write_npz
+from gmrdata.values.records import with_absolute_paths
 
 
 def held_out_set(
@@ -112,6 +113,7 @@ def make_table(
     `seeds` stand in place of the recipe's.  MissingInput where no row can be made of what is given,
     StageFailed where a training or a score failed; the others are kept.
     """
+    given, out_dir = with_absolute_paths(given), out_dir.resolve()
     plan = plan_table(recipe, scale, given, seeds)
     _make_scored(plan, out_dir, run)
     shared = {"given": given, "out_dir": out_dir, "run": run}

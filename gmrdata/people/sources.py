@@ -284,15 +284,6 @@ def without_files(config: MasksConfig) -> MasksConfig:
     return config.model_copy(update={"sources": sources})
 
 
-def with_absolute_files(config: MasksConfig) -> MasksConfig:
-    """The recipe for a worker that may run in another folder."""
-    sources = []
-    for source in config.sources:
-        files = {key: path.absolute() for key, path in source if isinstance(path, Path)}
-        sources.append(source.model_copy(update=files))
-    return config.model_copy(update={"sources": tuple(sources)})
-
-
 def sources_dir(masks_dir: Path) -> Path:
     """The folder with each source's own masks."""
     return masks_dir.with_name(f"{masks_dir.name}_by")

@@ -15,7 +15,6 @@ from gmrdata.people.sources import (
     FolderSource,
     network_files,
     sources_dir,
-    with_absolute_files,
     without_files,
 )
 from gmrdata.read.bodies import ANNY_FILE
@@ -59,7 +58,7 @@ from gmrdata.values.errors import BadRecipe, BadRecord, MissingInput, StaleOutpu
 from gmrdata.values.files import STAGE_FILE, json_text, remove_orphans, sha256_of_file
 from gmrdata.values.frame_set import require_rate
 from gmrdata.values.people import BODIES, FUSED, PSEUDO_GT
-from gmrdata.values.records import PART, Config, Figure, Record
+from gmrdata.values.records import PART, Config, Figure, Record, with_absolute_paths
 
 VIDEOS, ENTRIES, FAILED = "videos", "entries", "failed"
 """Folders of a batch: the videos' own, their lines, and the reasons of those that failed."""
@@ -355,18 +354,15 @@ def solve_batch(videos: Sequence[NamedVideo], batch: VideoBatch, run: Run) -> Pa
 def _with_files(videos: Sequence[NamedVideo], batch: VideoBatch) -> VideoBatch:
     """With all files that the videos have in common, found once, by absolute paths: a worker of
     another machine may run in another folder."""
-    request, config, files = batch.request, batch.config, dict[str, Path]()
+    batch = with_absolute_paths(batch)
+    request, config = batch.request, batch.config
     wanted = {batch.of(video).people is not None for video in videos}
     if config.masks is not None:
-        masks = with_absolute_files(config.masks)
-        config = config.model_copy(update={"masks": masks})
+        masks = config.masks
         by = {people: masks if people else masks.for_cameras_alone for people in wanted}
         batch = replace(batch, networks={people: network_files(of) for people, of in by.items()})
     if request.lens is not None and request.lens.file is not None:
-        path = request.lens.file.absolute()
-        files = {"intrinsics": path}
-        request = replace(request, lens=request.lens.model_copy(update={"file": path}))
-    batch = replace(batch, config=config, files=files, request=request)
+        batch = replace(batch, files={"intrinsics": request.lens.file})
     if True not in wanted:
         return batch
     if isinstance(request.people, PeopleBySystem):

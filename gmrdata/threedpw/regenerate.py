@@ -9,7 +9,7 @@ from pydantic.dataclasses import dataclass as part
 from gmrdata.manifest.current import Manifest
 from gmrdata.manifest.read import read_manifest
 from gmrdata.manifest.write import ManifestHead, made_by, write_manifest
-from gmrdata.people.sources import FolderSource, with_absolute_files
+from gmrdata.people.sources import FolderSource
 from gmrdata.read import threedpw
 from gmrdata.read.bodies import keep_body
 from gmrdata.read.threedpw_files import (
@@ -37,7 +37,7 @@ from gmrdata.values.errors import (
     StaleOutput,
 )
 from gmrdata.values.files import remove_orphans
-from gmrdata.values.records import PART, Figure, Record
+from gmrdata.values.records import PART, Figure, Record, with_absolute_paths
 from gmrdata.world.judge import load_record
 
 HEADINGS = ("sequence", "split", "state")
@@ -160,13 +160,9 @@ def _checked(
 ) -> tuple[ThreedpwRecipe, list[SequenceFiles], dict[str, str]]:
     """The recipe, and sequences as `choose` gives them, by absolute paths: a worker of another
     machine may run in another folder."""
-    root = root.absolute()
+    recipe, root = with_absolute_paths(recipe), root.absolute()
     chosen, refused = choose(root, recipe.sequences)
     _require_fitting(recipe, root, len(chosen))
-    if recipe.sequence.masks is not None:
-        masks = with_absolute_files(recipe.sequence.masks)
-        sequence = recipe.sequence.model_copy(update={"masks": masks})
-        recipe = recipe.model_copy(update={"sequence": sequence})
     return recipe, chosen, refused
 
 

@@ -7,8 +7,9 @@ sequence pass.  A figure that does not exist is written as null.
 
 import json
 from collections.abc import Mapping
+from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any, Self, get_args
+from typing import Annotated, Any, Self, TypeVar, get_args
 
 import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, ValidationError
@@ -42,6 +43,26 @@ class Config(BaseModel):
         """
         # Only from JSON does pydantic's strict mode take lists for tuples and texts for paths.
         return cls.model_validate_json(json.dumps(value), strict=True)
+
+
+Whole = TypeVar("Whole")
+
+
+def with_absolute_paths(given: Whole) -> Whole:
+    """The same for a worker that may run in another folder: a path, or models, dataclasses and
+    tuples with the paths in them."""
+    made: Any = given
+    if isinstance(given, Path):
+        made = given.absolute()
+    elif type(made) is tuple:
+        made = tuple(map(with_absolute_paths, made))
+    elif isinstance(given, BaseModel):
+        made = given.model_copy(update={key: with_absolute_paths(value) for key, value in given})
+    elif is_dataclass(given) and not isinstance(given, type):
+        parts = {one.name: with_absolute_paths(getattr(given, one.name)) for one in fields(given)}
+        made = replace(given, **parts)
+    whole: Whole = made
+    return whole
 
 
 class Record(Config):

@@ -25,6 +25,7 @@ from gmrdata.film.render_set import (
     summary_lines,
     try_render_clips,
 )
+from gmrdata.film.scene import SceneConfig
 from gmrdata.film.set_plan import SyntheticRecipe, select
 from gmrdata.manifest.check import check_manifest
 from gmrdata.manifest.current import Source
@@ -32,7 +33,7 @@ from gmrdata.manifest.read import load_clips, read_manifest
 from gmrdata.motion.gait import make_gait
 from gmrdata.motion.library import LICENCES, gait_source, licence_of
 from gmrdata.pages.sets import write_set_pages
-from gmrdata.stage.jobs import OthersLeft
+from gmrdata.stage.jobs import Job, OthersLeft
 from gmrdata.stage.recipes import load_recipe
 from gmrdata.stage.run import Run, Shard
 from gmrdata.stage.workers import worker_pool
@@ -333,6 +334,22 @@ def test_a_share_looks_into_its_own_clips_alone(tmp_path):
     left = pytest.raises(OthersLeft, match="rendering frames: 1 of 1 are left")
     with worker_pool(Run(shard=Shard(0, 2))) as pool, left:
         try_render_clips({"walk": job}, pool, tmp_path / "failed")
+
+
+def test_workers_get_absolute_paths(tmp_path, monkeypatch):
+    """In another folder a worker did not find the sky.  The record is as the recipe has it."""
+    monkeypatch.chdir(tmp_path)
+    config = RenderConfig(scene=SceneConfig(hdri_path=Path("sky.hdr")))
+    paths = {"clip_path": Path("clip.npz"), "body_path": Path("body.npz"), "out_dir": Path("walk")}
+    asked: list[Job] = []
+    monkeypatch.setattr(
+        "gmrdata.stage.jobs.try_jobs", lambda _, jobs, *__, **___: asked.extend(jobs)
+    )
+    with worker_pool(Run(shard=Shard(0, 2))) as pool:
+        try_render_clips({"walk": RenderJob(**paths, config=config)}, pool, tmp_path / "failed")
+    job, recorded = (asked[0].arguments[name] for name in ("job", "recorded"))
+    assert (job.config.scene.hdri_path, job.out_dir) == (tmp_path / "sky.hdr", tmp_path / "walk")
+    assert recorded == config
 
 
 def test_ids_that_collide_with_twins_are_refused():

@@ -2,7 +2,7 @@
 
 import csv
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -45,10 +45,17 @@ from gmrdata.paper.plan import (
 )
 from gmrdata.score.records import PaperMetrics
 from gmrdata.stage import recipes
+from gmrdata.stage.jobs import Job
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import StageRecord
 from gmrdata.values.clip import camera_of, save_clip
-from gmrdata.values.errors import BadManifest, BadMotionFile, BadRecipe, MissingInput
+from gmrdata.values.errors import (
+    BadManifest,
+    BadMotionFile,
+    BadRecipe,
+    MissingInput,
+    StageFailed,
+)
 from gmrdata.values.files import read_json, write_npz
 from gmrdata.world.compose import motion_in_camera
 from tests.clip_manifests import write_clips
@@ -440,6 +447,27 @@ def test_a_table_from_the_command_line_and_again(write_walks, body_path, tmp_pat
     made = _written(out)
     assert tables() == said
     assert _written(out) == made
+
+
+def test_workers_get_absolute_paths(write_walks, tmp_path, monkeypatch):
+    """A worker in another folder found no manifest, or trained and scored into that folder."""
+    walks = write_walks("walks", ["01_01", "01_02"], 1)
+    monkeypatch.chdir(walks.parent)
+    asked: list[Job] = []
+
+    def stop(_: str, jobs: Sequence[Job], *__: object) -> None:
+        asked.extend(jobs)
+        raise StageFailed("stopped")
+
+    monkeypatch.setattr("gmrdata.paper.make.run_jobs", stop)
+    manifest = Path(walks.name)
+    given = Given((manifest,), manifest, videos=(manifest,), held_out=(2,), body=Path("body.npz"))
+    with pytest.raises(StageFailed, match="stopped"):
+        make_table(load_table(tiny(tmp_path)), "small", given, Path("out"))
+    body = walks.with_name("body.npz")
+    own = replace(given, manifests=(walks,), scored=walks, videos=(walks,), body=body)
+    found = [(job.arguments["given"], job.arguments["out_dir"]) for job in asked]
+    assert found == 2 * [(own, walks.with_name("out"))]
 
 
 def test_a_dry_run_says_of_each_training_what_its_worker_would(write_walks, body_path, tmp_path):
