@@ -50,11 +50,15 @@ def threedpw_regenerate(
     if dry_run:
         print_table(stage.HEADINGS, stage.plan(loaded, root, out, run=run))
         return
-    with then(lambda: write_set_pages(loaded, root, out)):
+
+    def show() -> None:
+        write_set_pages(loaded, root, out)
+        verdicts = stage.Verdicts.read(out / "verdicts.json").sequences
+        print_table(stage.VERDICT_HEADINGS, [verdict.table_row for verdict in verdicts])
+        answer(out.resolve() / "index.html")
+
+    with then(show):
         made = stage.regenerate_set(loaded, root, out, run=run)
-    verdicts = stage.Verdicts.read(made.with_name("verdicts.json")).sequences
-    print_table(stage.VERDICT_HEADINGS, [verdict.table_row for verdict in verdicts])
-    answer(made.with_name("index.html"))
     answer(made)
 
 

@@ -291,8 +291,9 @@ def _regenerate(
     run: Run,
 ) -> dict[str, str]:
     """Why sequences failed, by name."""
-    folders = [paths.sequence_dir(files.name) / stage for files in chosen for stage in STAGES]
     with worker_pool(run, recipe.workers) as pool:
+        own = [paths.sequence_dir(files.name) for files in chosen if pool.is_own(files.name)]
+        folders = [folder / stage for folder in own for stage in STAGES]
         return try_jobs(
             "regenerating sequences",
             jobs,

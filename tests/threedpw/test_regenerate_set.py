@@ -16,7 +16,8 @@ from gmrdata.manifest.write import manifest_text
 from gmrdata.pages.batches import write_set_pages
 from gmrdata.read.threedpw_files import SequenceFiles
 from gmrdata.stage import workers
-from gmrdata.stage.run import Run
+from gmrdata.stage.jobs import Outcome
+from gmrdata.stage.run import Run, Shard
 from gmrdata.threedpw import regenerate
 from gmrdata.threedpw.recipe import SetPaths, ThreedpwRecipe
 from gmrdata.threedpw.regenerate import plan, regenerate_set
@@ -295,6 +296,23 @@ def test_where_a_sequence_fails_a_complete_manifest_stays(listed):
     assert listed("arc_00", "pan_00", reasons={})[0] == manifest
 
 
+def test_a_share_counts_its_own_stages_alone(filmed_set, tmp_path, monkeypatch):
+    """Its bar went on to those of all shares, and said what time these would take."""
+    recipe, chosen, _ = regenerate._checked(filmed_set.recipe(), filmed_set.root)
+    counted: list[int] = []
+
+    def tried(*given: Any) -> Outcome:
+        counted.append(given[-1][0])
+        return Outcome({}, {})
+
+    monkeypatch.setattr(regenerate, "try_jobs", tried)
+    shards = [Shard(index, 3) for index in (1, 2, 3)]
+    for shard in shards:
+        regenerate._regenerate([], recipe, chosen, SetPaths(tmp_path), Run(shard=shard))
+    own = [sum(shard.of(files.name) == shard.index for files in chosen) for shard in shards]
+    assert counted == [5 * n for n in own] and sum(own) == 2
+
+
 def test_workers_get_absolute_paths(filmed_set, monkeypatch):
     monkeypatch.chdir(filmed_set.root.parent)
     sources = [{"kind": "folder", "path": "masks"}, {"kind": "onnx"}]
@@ -305,7 +323,7 @@ def test_workers_get_absolute_paths(filmed_set, monkeypatch):
     assert (masks.path, onnx.model) == (filmed_set.root.parent / "masks", None)
 
 
-def test_a_sequence_that_is_refused_has_its_reason_in_a_file_too(tmp_path):
+def test_a_sequence_that_is_refused_has_its_reason_in_a_file_too(tmp_path, gmrdata):
     """The message named that folder; and a name with escape codes went to the terminal as it is."""
     for path in ("train/a_00", "test/a_00", "test/[red]\x1b[2J", f"test/{'x' * 251}"):
         pickle_path = tmp_path / "3DPW" / "sequenceFiles" / f"{path}.pkl"
@@ -319,6 +337,10 @@ def test_a_sequence_that_is_refused_has_its_reason_in_a_file_too(tmp_path):
     assert path.name == "a_00.txt" and path.read_text().startswith("a_00: is in train and test")
     shown = [row[0] for row in plan(recipe, tmp_path / "3DPW", out_dir)]
     assert shown[:2] == ["a_00", r"'[red]\x1b[2J'"]
+    # It showed no verdict, not even of sequences that are made, and no page.
+    said = gmrdata("threedpw", "regenerate", "--threedpw", tmp_path / "3DPW", "--out", out_dir)
+    assert said.returncode == 1 and "a_00" in said.stdout
+    assert said.stdout.splitlines()[-1] == str(out_dir / "index.html")
 
 
 @pytest.mark.parametrize(("listed", "redo"), [(False, False), (True, False), (True, True)])
