@@ -265,7 +265,7 @@ def by_key(flag: str, texts: Sequence[str], remedy: str) -> dict[str, str]:
 
 def body_path(body: str) -> Path | None:
     """The file of `--body`; None for the default body."""
-    return None if body == "anny" else Path(body).expanduser()
+    return None if body == "anny" else Path(body)
 
 
 def say_lost(frames_dir: Path) -> None:

@@ -166,7 +166,8 @@ def regenerate_one(
             run=run,
         )
     except NoReconstruction as error:
-        work = partial(_write_unsolved, given, str(error), config.pseudo_gt.override)
+        # Without the folder of this machine, for the manifest has it.
+        work = partial(_write_unsolved, given, error.why, config.pseudo_gt.override)
         return run_stage(UNSOLVED, out_dir, made_by, inputs, work, run=run)
 
 
