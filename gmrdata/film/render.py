@@ -3,7 +3,6 @@
 Which of Blender's renderers can run on this machine is found out before any frame.
 """
 
-import json
 import os
 import subprocess
 import threading
@@ -24,7 +23,7 @@ from gmrdata.values import limits
 from gmrdata.values.clip import CHARACTER_FILE, load_clip
 from gmrdata.values.errors import EngineMissing, RenderFailed, RenderOverLimit
 from gmrdata.values.files import write_text
-from gmrdata.values.records import Config
+from gmrdata.values.records import Config, with_absolute_paths
 from gmrdata.write.video import write_video_of
 
 RENDERER_LINE = "gmrdata-renderer"  # what the probe prints, with the name of what rendered
@@ -266,11 +265,6 @@ def _render(
     return {"renderer": renderer, "blender": versions}
 
 
-def full_json(recipe: Config) -> str:
-    """A recipe with full paths, for a process that runs in another folder."""
-    return json.dumps(recipe.model_dump(), default=lambda path: str(path.resolve()))
-
-
 def run_blender(
     job: RenderJob | PreviewJob,
     partial_dir: Path,
@@ -286,7 +280,7 @@ def run_blender(
     clip_job = job.render if isinstance(job, PreviewJob) else job
     if clip_job.config.scene.extras.names:
         _write_cast(clip_job, partial_dir / CAST_FILE)
-    write_text(job_path, full_json(job))
+    write_text(job_path, with_absolute_paths(job).model_dump_json())
     command = blender_command(module, job_path, "--parent", os.getpid())
     frame_s, there = _frame_s(clip_job), set(partial_dir.glob("*/*"))
     with log_path.open("w", encoding="utf-8") as log:

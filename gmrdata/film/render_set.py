@@ -72,7 +72,6 @@ def try_render_clips(
     """
     own = [job for id, job in jobs.items() if pool.is_own(id)]
     n_frames = sum(load_clip(job.clip_path).motion.n_frames for job in own)
-    # By absolute paths: a worker of another machine may run in another folder.
     said = {
         id: {"job": with_absolute_paths(job), "recorded": job.config} for id, job in jobs.items()
     }

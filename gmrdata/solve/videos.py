@@ -357,8 +357,7 @@ def _with_files(videos: Sequence[NamedVideo], batch: VideoBatch) -> VideoBatch:
     batch = with_absolute_paths(batch)
     request, config = batch.request, batch.config
     wanted = {batch.of(video).people is not None for video in videos}
-    if config.masks is not None:
-        masks = config.masks
+    if (masks := config.masks) is not None:
         by = {people: masks if people else masks.for_cameras_alone for people in wanted}
         batch = replace(batch, networks={people: network_files(of) for people, of in by.items()})
     if request.lens is not None and request.lens.file is not None:
@@ -371,8 +370,7 @@ def _with_files(videos: Sequence[NamedVideo], batch: VideoBatch) -> VideoBatch:
         return replace(batch, body_files={"body": ANNY_FILE})
     body_path = Path(body).expanduser().absolute()
     if isinstance(request.people, PeopleBySystem):
-        people = replace(request.people, body=str(body_path))
-        request = replace(request, people=people)
+        request = replace(request, people=replace(request.people, body=str(body_path)))
     return replace(batch, request=request, body=str(body_path), body_files={"body": body_path})
 
 

@@ -100,14 +100,9 @@ def fitting_body(person: ThreedpwPerson, bodies: Sequence[BodyModel], where: str
     return body
 
 
-def shape_of(person: ThreedpwPerson, body: BodyModel) -> np.ndarray:
-    """(S,) the betas that the body has; longer ones are cut, as every reader of 3DPW does."""
-    return shape_on(body, person.betas)
-
-
 def pelvis_3dpw_m(person: ThreedpwPerson, body: BodyModel) -> np.ndarray:
     """(N, 3) pelvis in the dataset's y-up world [m]: `trans` + J0(betas)."""
-    return person.trans_m + body.rest_pelvis_m(shape_of(person, body))
+    return person.trans_m + body.rest_pelvis_m(shape_on(body, person.betas))
 
 
 def _in_dataset_world(
@@ -125,7 +120,7 @@ def _in_dataset_world(
         local_rotmats=rotmats[:, 1:],
         root_rotmats=rotmats[:, 0],
         pelvis_m=pelvis_m,
-        shape=shape_of(person, body),
+        shape=shape_on(body, person.betas),
         fps_hz=FPS_HZ,
         body=body.name,
         gender=person.gender,

@@ -9,7 +9,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any, Self, TypeVar, get_args
+from typing import Annotated, Any, Self, TypeVar, cast, get_args
 
 import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, ValidationError
@@ -61,8 +61,7 @@ def with_absolute_paths(given: Whole) -> Whole:
     elif is_dataclass(given) and not isinstance(given, type):
         parts = {one.name: with_absolute_paths(getattr(given, one.name)) for one in fields(given)}
         made = replace(given, **parts)
-    whole: Whole = made
-    return whole
+    return cast(Whole, made)
 
 
 class Record(Config):

@@ -21,12 +21,12 @@ from gmrdata.film.character import (
     linked_files,
     residual_figures,
 )
-from gmrdata.film.render import full_json
 from gmrdata.film.set_plan import SyntheticRecipe, render_config
 from gmrdata.values import joint_names
 from gmrdata.values.body import JOINT, JOINT_NAMES, PARENTS
 from gmrdata.values.clip import CharacterRecord, load_character, save_character
 from gmrdata.values.errors import BadCharacter, BadMotionFile, GmrdataError, MissingInput
+from gmrdata.values.records import with_absolute_paths
 
 FILE = Path("someone.glb")
 SCENE: dict[str, Any] = {"asset": {"version": "2.0"}, "buffers": [{"byteLength": 4}]}
@@ -146,7 +146,7 @@ def test_a_files_own_files_are_inputs(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     character = Character(path=Path("someone.gltf"))
     assert list(character.inputs) == ["character", "character/a/b.bin", "character/skin%20one.png"]
-    assert json.loads(full_json(character))["path"] == str(path)
+    assert with_absolute_paths(character).path == path
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,5 @@
 """What a set's recipe may say, and each clip's own person and place."""
 
-import json
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -19,7 +18,7 @@ from benchmarks.training.default_body import (
     within_bounds,
 )
 from gmrdata.film.character import phenotypes_of, sample_person
-from gmrdata.film.render import RenderConfig, full_json
+from gmrdata.film.render import RenderConfig
 from gmrdata.film.scene import Extras, SceneConfig
 from gmrdata.film.set_plan import (
     SyntheticRecipe,
@@ -39,6 +38,7 @@ from gmrdata.stage.recipes import find_recipe, load_recipe
 from gmrdata.values.body import JOINT, PHENOTYPES
 from gmrdata.values.clip import load_clip
 from gmrdata.values.errors import BadBodyFile, BadRecipe
+from gmrdata.values.records import with_absolute_paths
 from gmrdata.values.skinning import motion_vertices_m
 from tests.motions import save_bare
 
@@ -334,13 +334,13 @@ def test_a_sky_is_an_input_with_a_full_path_for_the_renderer(tmp_path, monkeypat
     monkeypatch.chdir(tmp_path)
     scene = SceneConfig(hdri_path=Path("sky.hdr"))
     assert scene.inputs == {"hdri": Path("sky.hdr")}
-    assert json.loads(full_json(scene))["hdri_path"] == str(tmp_path / "sky.hdr")
+    assert with_absolute_paths(scene).hdri_path == tmp_path / "sky.hdr"
     (tmp_path / "a.bvh").touch()
     scene = SceneConfig.model_validate({"extras": {"passers_by": 1, "motions": ["a.bvh"]}})
     assert scene.inputs == {"extras_motion0": Path("a.bvh")}
-    assert json.loads(full_json(scene))["extras"]["motions"] == [str(tmp_path / "a.bvh")]
+    assert with_absolute_paths(scene).extras.motions == (tmp_path / "a.bvh",)
     assert SceneConfig().inputs == {}
-    assert SceneConfig.model_validate_json(full_json(SceneConfig())) == SceneConfig()
+    assert with_absolute_paths(SceneConfig()) == SceneConfig()
 
 
 @pytest.fixture(scope="module")

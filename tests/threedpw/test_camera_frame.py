@@ -10,7 +10,8 @@ from scipy.spatial.transform import Rotation
 
 from gmrdata.read.openpose import OPENPOSE_JOINTS
 from gmrdata.read.threedpw import Sequence3DPW, read_sequence
-from gmrdata.threedpw.clips import WORLD_FROM_3DPW, camera_clip, fitting_body, shape_of, world_clip
+from gmrdata.threedpw.clips import WORLD_FROM_3DPW, camera_clip, fitting_body, world_clip
+from gmrdata.values.body import shape_on
 from gmrdata.values.camera import project_cam
 from gmrdata.values.clip import camera_of, load_clip, save_clip
 from gmrdata.values.errors import BadBodyFile
@@ -154,5 +155,5 @@ def test_a_body_that_the_file_was_not_made_with_is_refused(walk_arrays, small_bo
 def test_longer_betas_are_cut_to_the_bodys(walk_arrays, small_body):
     person = walk_arrays.people[1]
     longer = replace(person, betas=np.concatenate([person.betas, np.full(290, 7.0)]))
-    assert np.array_equal(shape_of(longer, small_body), person.betas)
+    assert np.array_equal(shape_on(small_body, longer.betas), person.betas)
     assert fitting_body(longer, [small_body], "x") is small_body
