@@ -185,7 +185,7 @@ def _reading_warnings(
     said = {
         who: ReadingRecord.read(folder / READING_FILE).remarks
         for who, folder in plans.items()
-        if (folder / READING_FILE).is_file()  # not of a gait, nor of a plan from before there were
+        if (folder / READING_FILE).is_file()  # not of a gait, nor of older plans
     }
     remedy = "(in a recipe: the keys of `read`)"
     return [f"{who}: {remark} {remedy}" for who, remarks in said.items() for remark in remarks]
