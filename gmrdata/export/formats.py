@@ -18,7 +18,7 @@ from gmrdata.motion.resample import valid_runs
 from gmrdata.read.frames import check_images, is_turned, number_in_name, video_record
 from gmrdata.stage.progress import remark
 from gmrdata.values import transforms
-from gmrdata.values.body import SMPL
+from gmrdata.values.body import SMPL, SMPL_SHAPES
 from gmrdata.values.clip import Clip, camera_of
 from gmrdata.values.errors import BadMotionFile, BadRecord, BadSequence, some
 from gmrdata.values.files import write_bytes
@@ -97,7 +97,6 @@ def _clip_lacks(need: Need, clip: Clip) -> str:
 
 PINHOLES: tuple[FormatName, ...] = ("gem-x", "3dpw", "emdb", "gvhmr", "glb", "usd", "rrd")
 """Formats that hold a camera without the lens's distortion."""
-N_BETAS = 10  # of SMPL, in files of WHAM and 3DPW
 SAME_LEGS = 0.01  # as a share: no remark on what nobody sees
 EACH_CAMERA: tuple[FormatName, ...] = ("kitti", "gem-x")
 """Formats that have a camera for each frame, so that none can be left out."""
@@ -131,9 +130,10 @@ def _body_not_held(format: str, clips: Sequence["ExportedClip"]) -> Iterator[str
     if format == "3dpw" and not body.startswith(SMPL):
         yield f"shape and path are of the body {body}, and all but gmrdata take them for SMPL's"
     if format == "wham":
-        for one, n in ((one, _n_shapes(one)) for one in clips):
-            if n > N_BETAS:
-                yield f"{one.id} has {n} shape coefficients in wham, WHAM's own files {N_BETAS}"
+        for one in clips:
+            if (n := _n_shapes(one)) > SMPL_SHAPES:
+                said = f"{n} shape coefficients in wham, WHAM's own files {SMPL_SHAPES}"
+                yield f"{one.id} has {said}"
     if format == "amass":
         from gmrdata.write.amass import smpl_legs
 
@@ -333,8 +333,8 @@ def export_3dpw(clips: Sequence["ExportedClip"], options: ExportOptions) -> Writ
     _usable(clips, "campose_valid is 0 in all frames")
     _require_images_by_row(clips[0])
     for one in clips:
-        if (n := _n_shapes(one)) > N_BETAS:
-            raise BadSequence(f"clip {one.id} has {n} shape coefficients, 3DPW has {N_BETAS}")
+        if (n := _n_shapes(one)) > SMPL_SHAPES:
+            raise BadSequence(f"clip {one.id} has {n} shape coefficients, 3DPW has {SMPL_SHAPES}")
     name = clips[0].sequence
     unseen = [np.zeros((one.clip.motion.n_frames, N_KEYPOINTS, 3)) for one in clips]
     arrays = sequence_arrays(

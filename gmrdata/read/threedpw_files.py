@@ -15,6 +15,7 @@ import numpy as np
 
 from gmrdata.read import numbers
 from gmrdata.read.safe_pickle import load_plain
+from gmrdata.values.body import SMPL_SHAPES
 from gmrdata.values.errors import BadSequence, MissingInput
 
 FPS_HZ, IMU_HZ = 30.0, 60.0
@@ -74,7 +75,6 @@ class SequenceArrays:
 
 LARGEST_FILE_BYTES = 1 << 29
 """3DPW's own files have some ten million bytes; what is far larger is something else."""
-SMPL_SHAPES = 10
 
 
 def read_sequence_file(path: Path) -> SequenceArrays:

@@ -13,8 +13,8 @@ from scipy.spatial.transform import Rotation
 from gmrdata.motion.resample import resample, valid_runs
 from gmrdata.read.numbers import rigid_rows, smpl_rotmats, usable_rows
 from gmrdata.read.threedpw import Sequence3DPW, ValidRule, unusable_reasons
-from gmrdata.read.threedpw_files import FPS_HZ, IMU_HZ, SMPL_SHAPES, SequenceArrays, ThreedpwPerson
-from gmrdata.values.body import SMPL, BodyModel, shape_on
+from gmrdata.read.threedpw_files import FPS_HZ, IMU_HZ, SequenceArrays, ThreedpwPerson
+from gmrdata.values.body import SMPL, SMPL_SHAPES, BodyModel, shape_on
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import Clip, camera_of
 from gmrdata.values.errors import BadBodyFile, BadSequence

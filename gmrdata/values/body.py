@@ -143,6 +143,7 @@ def gender_of(body: BodyModel) -> str:
 SMPL = "smpl-"
 """What the names of SMPL's bodies begin with; the gender follows."""
 NEUTRAL = f"{SMPL}neutral"  # whose betas most other systems estimate
+SMPL_SHAPES = 10  # coefficients in files of 3DPW, EMDB and most other systems; AMASS has 16
 
 
 def shape_on(body: BodyModel, betas: np.ndarray) -> np.ndarray:

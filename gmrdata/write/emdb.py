@@ -12,7 +12,7 @@ import numpy as np
 
 from gmrdata.read.emdb import FPS_HZ, WORLD_FROM_EMDB, EmdbSequence
 from gmrdata.read.numbers import usable_rows
-from gmrdata.values.body import BodyModel
+from gmrdata.values.body import SMPL_SHAPES, BodyModel
 from gmrdata.values.camera import project
 from gmrdata.values.clip import Clip, camera_of
 from gmrdata.values.errors import BadSequence
@@ -20,7 +20,6 @@ from gmrdata.values.files import write_bytes
 from gmrdata.values.transforms import invert, rotvecs_from_rotmats
 from gmrdata.write.pickles import python3_pickle
 
-N_BETAS = 10
 _NAME = re.compile(r"(P\d{1,2})_(.+)")
 
 
@@ -45,7 +44,7 @@ def emdb_sequence(name: str, clip: Clip, body: BodyModel, parts: tuple[bool, boo
     refused = (
         (motion.fps_hz != FPS_HZ, f"is at {motion.fps_hz:g} Hz, EMDB at {FPS_HZ:g} Hz"),
         (motion.body != f"smpl-{motion.gender}", f"has the body {motion.body}, EMDB has SMPL's"),
-        (shape[N_BETAS:].any(), f"has {len(shape)} shape coefficients, EMDB has {N_BETAS}"),
+        (shape[SMPL_SHAPES:].any(), f"has {len(shape)} shape coefficients, EMDB has {SMPL_SHAPES}"),
         (motion.frame != "world", "is in the camera's frame, EMDB's people are in the world"),
     )
     if reasons := [why for is_so, why in refused if is_so]:
@@ -67,7 +66,7 @@ def emdb_sequence(name: str, clip: Clip, body: BodyModel, parts: tuple[bool, boo
         good=clip.valid & known & camera.has_camera,
         poses_rad=poses_rad,
         trans_m=motion.pelvis_m @ emdb_from_world.T - body.rest_pelvis_m(shape),
-        betas=np.pad(shape, (0, max(0, N_BETAS - len(shape))))[:N_BETAS],
+        betas=np.pad(shape, (0, max(0, SMPL_SHAPES - len(shape))))[:SMPL_SHAPES],
         intrinsics_px=camera.intrinsics_px,
         cam_from_world=cam_from_world,
         width_px=camera.width_px,

@@ -14,15 +14,13 @@ import numpy as np
 
 from gmrdata.read.systems.entries import N_SMPLX_BODY, SMPLX_REST_PELVIS_M
 from gmrdata.read.systems.gvhmr import GVHMR
-from gmrdata.values.body import NEUTRAL, SMPL, SMPL_REST_PELVIS_M, WORLD_FROM_REST
+from gmrdata.values.body import NEUTRAL, SMPL, SMPL_REST_PELVIS_M, SMPL_SHAPES, WORLD_FROM_REST
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.errors import BadMotionFile
 from gmrdata.values.motion import Motion
 from gmrdata.values.transforms import invert, rigid, rotvecs_from_rotmats
 from gmrdata.write.pickles import python3_pickle
 from gmrdata.write.take import finite_rows
-
-N_BETAS = 10
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +97,7 @@ def _smplx_params(motion: Motion, frame_from_world: np.ndarray) -> dict[str, "to
     poses_rad, transl_m = placed(motion, frame_from_world, SMPLX_REST_PELVIS_M)
     params = {
         "body_pose": poses_rad[:, 3 : 3 + 3 * N_SMPLX_BODY],
-        "betas": np.zeros((motion.n_frames, N_BETAS)),
+        "betas": np.zeros((motion.n_frames, SMPL_SHAPES)),
         "global_orient": poses_rad[:, :3],
         "transl": transl_m,
     }
@@ -130,8 +128,10 @@ def _wham_person(person: TrackedPerson) -> dict[str, object]:
     require_finite(motion, np.flatnonzero(rows))
     is_smpl = motion.body.startswith(SMPL)
     rest_pelvis_m = person.rest_pelvis_m if is_smpl else np.array(SMPL_REST_PELVIS_M)
-    shape = np.trim_zeros(motion.shape, "b") if is_smpl else np.zeros(N_BETAS)
-    shape = np.pad(shape, (0, max(0, N_BETAS - len(shape))))  # 10, unless the others say something
+    shape = np.trim_zeros(motion.shape, "b") if is_smpl else np.zeros(SMPL_SHAPES)
+    shape = np.pad(
+        shape, (0, max(0, SMPL_SHAPES - len(shape)))
+    )  # 10, unless the others say something
     arrays = dict[str, np.ndarray]()
     if camera is not None:
         in_camera = placed(motion, invert(camera.world_from_cam[rows]), rest_pelvis_m)
