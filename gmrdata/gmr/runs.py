@@ -220,9 +220,11 @@ class Split:
         reasons = ", ".join(f"{count} {reason}" for reason, count in self.left_out.items())
         n_out, n = sum(self.left_out.values()), len(self.training)
         out = f"not trained on: {n_out} of {n + n_out} clips ({reasons})" if n_out else ""
-        of_nobody = [one for one in self.training if subject_of(one.entry.source) is None]
-        one = f"data.balance: {len(of_nobody)} of {n} clips name nobody, and count as one person's"
-        return "; ".join(filter(None, (out, one if of_nobody and self.mix.balance != 1 else "")))
+        if self.mix.balance == 1:
+            return out
+        n_nobody = sum(subject_of(one.entry.source) is None for one in self.training)
+        one = f"data.balance: {n_nobody} of {n} clips name nobody, and count as one person's"
+        return "; ".join(filter(None, (out, one if n_nobody else "")))
 
 
 def split_manifests(

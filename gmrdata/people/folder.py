@@ -74,8 +74,11 @@ def _require_of_taken_frames(masks_dir: Path, frames: FrameSet) -> None:
     from 1: their names fit the wrong images."""
     if (frames.video is None and frames.video_path is None) or not masks_dir.is_dir():
         return
-    last = int(frames.numbers[-1]) if frames.video is None else max(frames.video.frame_of)
-    every = int(frames.frame_numbers[-1] // frames.numbers[-1])
+    if frames.video is not None:
+        last, every = max(frames.video.frame_of), frames.video.every
+    else:  # of a video that was not read yet, of which two images or more are taken
+        last = int(frames.numbers[-1])
+        every = int(frames.frame_numbers[-1]) // last
     stems = [path.name.split(".")[0] for path in masks_dir.glob("*.png")]
     numbers = {int(stem) for stem in stems if stem.isdecimal()}
     if 0 not in numbers and 1 in numbers and frames.numbers[0] > 1:
