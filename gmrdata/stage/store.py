@@ -182,7 +182,8 @@ def check_out(
     run: Run,
     work: Work | Resumable | None = None,
 ) -> bool:
-    """Whether `run_stage` would find its folder complete; its StaleOutput and NotMade otherwise.
+    """Whether `run_stage` would find its folder complete; StaleOutput for one that it refuses, and
+    NotMade for none where the run only looks.
 
     Nobody is waited for: the folder appears as a whole.  A stage that works for long before it
     calls `run_stage` asks this first.
