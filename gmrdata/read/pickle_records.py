@@ -31,6 +31,8 @@ _CALLS = {
     **{f"{module}.bytes": "bytes" for module in ("__builtin__", "builtins")},
     **{f"{module}.set": "set" for module in ("__builtin__", "builtins")},
     "collections.defaultdict": "dict",
+    **{f"pathlib.{kind}Path": "path" for kind in ("Posix", "Windows", "PurePosix", "PureWindows")},
+    **{f"pathlib._local.{kind}Path": "path" for kind in ("Posix", "Windows")},  # Python 3.13
     "collections.OrderedDict": "ordered",
     "joblib.numpy_pickle.NumpyArrayWrapper": JOBLIB_ARRAY,
 }
@@ -55,9 +57,13 @@ STORAGE_DTYPES = {
 """numpy's type of the numbers of each of torch's storages."""
 _BFLOAT16 = "torch.BFloat16Storage"  # the upper half of a float32, which numpy doesn't have
 _TORCH_IMPORTS = frozenset(_TORCH_CALLS) | frozenset(STORAGE_DTYPES) | {_BFLOAT16}
-_ONLY_NAMED = frozenset({"numpy.ndarray"}) | {
-    f"{module}.{name}" for module in ("__builtin__", "builtins") for name in ("object", "dict")
+_FACTORIES = frozenset({"collections.defaultdict"}) | {
+    f"{module}.{name}"
+    for module in ("__builtin__", "builtins")
+    for name in ("dict", "list", "set", "int", "long", "float", "str", "unicode")
 }
+"""What a defaultdict may be made with."""
+_ONLY_NAMED = _FACTORIES | {"numpy.ndarray", "__builtin__.object", "builtins.object"}
 ADMITTED_IMPORTS = frozenset(_CALLS) | _ONLY_NAMED | _TORCH_IMPORTS
 """Every name that a pickle may import; some only as an argument of a call."""
 _MOST_AXES = 32  # numpy's
@@ -86,6 +92,9 @@ def record_of_call(name: str, arguments: tuple[Any, ...], budget: Budget) -> Any
             return record_of_call(made, (), budget)
         case "set", (list() as members,):
             return set_of(members, budget)
+        case "path", parts if all(isinstance(part, str) for part in parts):
+            budget.take_bytes(sum(map(len, parts)))
+            return "/".join(parts).replace("//", "/")
         case "ordered", (list() as items,):  # as Python 2 wrote it; an item is [key, value]
             for key, _ in items:
                 budget.check_key(key)
@@ -104,8 +113,10 @@ def _plain_value(kind: str | None, arguments: tuple[Any, ...]) -> Any:
             return text.encode("latin1")
         case "bytes", ():
             return b""
-        case ("dict", ("__builtin__.dict" | "builtins.dict",)) | ("ordered", ()):
+        case ("dict", () | (None,)) | ("ordered", ()):
             return {}  # torch keeps tensors and a tensor's hooks in the latter
+        case "dict", (str() as factory,) if factory in _FACTORIES:
+            return {}
         case "size", (tuple() as sizes,):
             return sizes
     return None

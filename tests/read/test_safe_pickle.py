@@ -2,9 +2,9 @@
 
 import pickle  # noqa: TID251  The tests write the pickles that are to be read.
 import struct
-from collections import OrderedDict
+from collections import OrderedDict, defaultdict
 from contextlib import suppress
-from pathlib import Path
+from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Any
 
 import numpy as np
@@ -96,6 +96,30 @@ def test_an_ordered_dict_is_a_dict(tmp_path, protocol):
     assert list(read(tmp_path, pickle.dumps(value, protocol)).items()) == [("b", {}), ("a", 1)]
     python_2 = named("collections", "OrderedDict") + b"((l(lS'b'\naI1\naa(lS'a'\naI2\naatR."
     assert list(read(tmp_path, python_2).items()) == [("b", 1), ("a", 2)]
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS)
+@pytest.mark.parametrize("factory", [None, dict, list, set, int, float, str, defaultdict])
+def test_a_default_dict_of_any_plain_kind_is_a_dict(factory, protocol, tmp_path):
+    table = defaultdict(factory, {"walk": [np.ones(2)]})
+    found = read(tmp_path, pickle.dumps(table, protocol=protocol))
+    assert type(found) is dict
+    assert found["walk"][0].tolist() == [1, 1]
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS)
+@pytest.mark.parametrize("path", [PurePosixPath("/a/b.jpg"), PureWindowsPath("c:/a/b.jpg"), Path()])
+def test_a_path_is_its_text(path, protocol, tmp_path):
+    found = read(tmp_path, pickle.dumps([path], protocol=protocol))
+    assert [type(path)(text) for text in found] == [path]
+
+
+def test_paths_that_one_long_text_makes_count_each_time(tmp_path):
+    """Joining would make a new text for each of them."""
+    join = b"cpathlib\nPosixPath\n(h\x00h\x00tR"
+    data = b"\x80\x02]X" + struct.pack("<I", 1 << 20) + b"a" * (1 << 20) + b"q\x000" + b"("
+    with pytest.raises(BrokenPickle, match="unpacks to"):
+        read(tmp_path, data + join * 100_000 + b"e.")
 
 
 def test_python_2_text_pickle_with_binary_array(tmp_path):
