@@ -1,10 +1,10 @@
 """`gmrdata.export`: which files are to be written, and each as a whole or not at all."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, get_args
 
 from gmrdata.export.formats import (
     FORMATS,
@@ -79,13 +79,13 @@ class Exported(NamedTuple):
 
 def export(
     source: str | Path,
-    formats: Sequence[FormatName | Literal["onnx"]],
+    formats: Iterable[FormatName | Literal["onnx"]],
     out: str | Path,
     *,
-    clips: Sequence[str] = (),
+    clips: Iterable[str] = (),
     of: Trajectory = "camera",
     observations: Seen = "keyframes",
-    body: str | None = None,
+    body: str | Path | None = None,
     images: str | Path | None = None,
     truth: str | Path | None = None,
     threedpw: str | Path | None = None,
@@ -114,11 +114,12 @@ def export(
 
     Raises:
         StaleOutput: something is there already, and `redo` is not set; nothing was written.
-        BadRecipe: there is no such format, none looks at something that was said, onnx is not
-            alone, or two clips would be written to one file.
+        BadRecipe: there is no format or setting of that name, none looks at something that was
+            said, onnx is not alone, or two clips would be written to one file.
         MissingInput: there is no such source, clip, body, image folder or network.
     """
-    source, out = Path(source), Path(out)
+    source, out, formats = Path(source), Path(out), list(formats)
+    clips = [clips] if isinstance(clips, str) else list(clips)
     options = ExportOptions(of, observations, None if threedpw is None else Path(threedpw))
     of_clips = {"clips": clips, "body": body, "images": images, "truth": truth}
     _require_used(formats, vars(options) | {"which": which} | of_clips)
@@ -129,8 +130,8 @@ def export(
     plan = [(people, list(_units(people, wanted, options, out))) for people in people_of]
     paths = _apart([unit for _, units in plan for unit in units])
     _refuse_to_overwrite([] if redo or dry_run else paths)
-    folders = (None if path is None else Path(path) for path in (images, truth))
-    return _export_clips(plan, _StandIns(body, *folders), options, dry_run)
+    given = _StandIns(*(None if one is None else Path(one) for one in (body, images, truth)))
+    return _export_clips(plan, given, options, dry_run)
 
 
 def _require_used(formats: Sequence[str], said: Mapping[str, object]) -> None:
@@ -144,6 +145,9 @@ def _require_used(formats: Sequence[str], said: Mapping[str, object]) -> None:
     for flag in OF_CLIPS if "onnx" in formats else ():
         if said[flag]:
             raise BadRecipe(f"--{flag}: {ONNX_ALONE}. Leave it out")
+    for flag, kinds in (("of", Trajectory), ("observations", Seen), ("which", Which)):
+        if said[flag] not in get_args(kinds):
+            raise BadRecipe(f"--{flag}: {said[flag]!r} is none of {', '.join(get_args(kinds))}")
     for flag, (usual, users) in USED_BY.items():
         if said[flag] != usual and not {*users} & {*formats}:
             raise BadRecipe(f"--{flag}: is for {' and '.join(users)} alone. Leave it out")
@@ -168,7 +172,7 @@ def _export_clips(
 class _StandIns(NamedTuple):
     """What stands in place of what lies beside the clips."""
 
-    body: str | None
+    body: Path | None
     images: Path | None
     truth: Path | None
 

@@ -152,7 +152,7 @@ def list_clips(source: Path, ids: Sequence[str] = ()) -> list[UnreadClip]:
 
 
 def load_exported(
-    files: UnreadClip, *, body: str | None = None, images: Path | None = None
+    files: UnreadClip, *, body: Path | str | None = None, images: Path | None = None
 ) -> ExportedClip:
     """Load one clip.
 
@@ -183,10 +183,10 @@ def _sound_clip(files: UnreadClip) -> Clip:
     return require_sound(files.clip_path, clip)
 
 
-def _given(body: str) -> tuple[str, ...]:
+def _given(body: Path | str) -> tuple[str, ...]:
     """A body, or those of a folder."""
     folder = Path(body).expanduser()
-    return tuple(map(str, body_files(folder))) if folder.is_dir() else (body,)
+    return tuple(map(str, body_files(folder))) if folder.is_dir() else (str(body),)
 
 
 def _bodies(clip_path: Path) -> tuple[str, ...]:

@@ -179,6 +179,31 @@ def test_a_format_that_there_is_not_is_named(manifest, tmp_path):
         gmrdata.export(manifest, ["tum", "blv"], tmp_path / "out")
 
 
+@pytest.mark.parametrize(
+    ("format", "setting", "why"),
+    [
+        ("tum", {"of": "Camera"}, "--of: 'Camera' is none of camera, person"),
+        ("colmap", {"observations": "ALL"}, "'ALL' is none of keyframes, all, none"),
+        ("onnx", {"which": "Best"}, "--which: 'Best' is none of latest, best"),
+    ],
+)
+def test_a_setting_that_there_is_not_is_named(format, setting, why, manifest, tmp_path):
+    """A misspelt camera gave the person's path in its place."""
+    with pytest.raises(BadRecipe, match=why):
+        gmrdata.export(manifest, [format], tmp_path / "out", **setting)
+
+
+def test_formats_and_clips_are_looked_at_more_than_once(manifest, tmp_path):
+    """Of a generator nothing was written, and nothing was said."""
+    formats, clips = (one for one in ["tum"]), (one for one in ["alone"])
+    made = gmrdata.export(manifest, formats, tmp_path / "out", clips=clips, of="person")
+    assert [(one.unit.format, one.unit.ids, one.left_out) for one in made] == [
+        ("tum", ("alone",), "")
+    ]
+    with pytest.raises(MissingInput, match="no clip nobody; there are "):
+        gmrdata.export(manifest, ["tum"], tmp_path / "out", clips="nobody", of="person")
+
+
 def test_a_broken_clip_does_not_stop_the_others(manifest, tmp_path, gmrdata):
     broken = manifest.with_name("holed.npz")
     broken.write_bytes(broken.read_bytes()[:500])
