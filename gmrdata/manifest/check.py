@@ -13,7 +13,6 @@ from gmrdata.manifest.listing import ListedFile
 from gmrdata.manifest.read import disagreements, join_problems, read_manifest, rows_in
 from gmrdata.manifest.write import recipe_sha256
 from gmrdata.read.frames import number_in_name
-from gmrdata.read.numbers import RIGID_TOLERANCE
 from gmrdata.stage.progress import progress_bar
 from gmrdata.values import clip as clip_file
 from gmrdata.values.camera import CameraPath
@@ -21,6 +20,7 @@ from gmrdata.values.clip import load_character, load_joints
 from gmrdata.values.errors import BadManifest, BadMotionFile, MissingInput, some
 from gmrdata.values.files import resolve_inside, sha256_of_file
 from gmrdata.values.motion import Motion
+from gmrdata.values.transforms import RIGID_TOLERANCE, are_rotations
 
 ROTATION_TOLERANCE = 1e-6  # largest entry of R^T R - I that passes; rotations are stored in float64
 
@@ -119,8 +119,7 @@ def _camera_problems(camera: CameraPath, tolerance: float = ROTATION_TOLERANCE) 
         yield f"arrays.world_from_cam: NaN or infinite in row {bad}; set has_camera to False there"
     rows = camera.has_camera & finite
     rotations = np.where(rows[:, None, None], transforms[:, :3, :3], np.eye(3))
-    skew = np.abs(rotations.transpose(0, 2, 1) @ rotations - np.eye(3)).max(axis=(1, 2))
-    if bad := _rows((skew > tolerance) | (np.linalg.det(rotations) < 0)):
+    if bad := _rows(~are_rotations(rotations, tolerance)):
         yield f"arrays.world_from_cam: no proper rotation in row {bad}; make the clip again"
     if bad := _rows(rows & (transforms[:, 3] != [0, 0, 0, 1]).any(axis=1)):
         yield f"arrays.world_from_cam: last line isn't 0 0 0 1 in row {bad}; make the clip again"

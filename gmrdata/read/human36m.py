@@ -16,7 +16,7 @@ import numpy as np
 from gmrdata.read import numbers
 from gmrdata.values.errors import BadRecord, BadSequence, MissingInput
 from gmrdata.values.files import read_json
-from gmrdata.values.transforms import invert, rigid
+from gmrdata.values.transforms import are_rotations, invert, rigid
 
 TRAINING_SUBJECTS, TEST_SUBJECTS = (1, 5, 6, 7, 8), (9, 11)
 """Subjects that everybody trains on, and tests on."""
@@ -156,7 +156,7 @@ def _camera(value: Any, place: str) -> FixedCamera:
         _flat(value, place, key, size) for key, size in (("t", 3), ("f", 2), ("c", 2))
     )
     rotmat = numbers.floats_of(value.get("R"), f"{place}.R", (3, 3))
-    if not numbers.rigid_rows(rigid(rotmat, np.zeros(3))[None]).all():
+    if not are_rotations(rotmat):
         raise numbers.WrongContent(f"{place}.R is no rotation")
     finite = numbers.usable_rows(t_mm[None], focal_px[None], centre_px[None]).all()
     if not (finite and focal_px.min() > 0):

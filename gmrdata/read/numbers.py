@@ -14,7 +14,7 @@ from gmrdata.values.body import N_JOINTS
 from gmrdata.values.errors import BadMotionFile, BadSequence
 from gmrdata.values.files import require_file
 from gmrdata.values.limits import BYTES_PER_LINE, FREE_LINES, MOST_TEXT_BYTES
-from gmrdata.values.transforms import rotmats_from_rotvecs
+from gmrdata.values.transforms import are_rotations, rotmats_from_rotvecs
 
 LARGEST_IN_TEXT = 1e7  # larger magnitudes are no positions or angles of a person in any unit
 DIGITS = b"0123456789+-.eE"
@@ -22,7 +22,6 @@ _COMMAS = bytes.maketrans(b" \n", b",,")
 _GLUED = re.compile(r"(?<=[\d.])-")
 """A minus without the space before it, as SlimeVR once wrote; that of an exponent follows its e."""
 LARGEST_NUMBER = 1e6  # no angle [rad], position [m] or shape coefficient of a person is larger
-RIGID_TOLERANCE = 1e-3  # largest entry of R^T R - 1 of a rotation as files round it
 
 
 def read_text(path: Path) -> str:
@@ -260,8 +259,7 @@ def smpl_rotmats(poses_rad: np.ndarray) -> np.ndarray:
     """Axis-angle (N, 72) of SMPL's joints as (N, 24, 3, 3); NaN in rows that can't be used."""
     known = usable_rows(poses_rad)
     rotmats = np.full((len(poses_rad), N_JOINTS, 3, 3), np.nan)
-    if known.any():
-        rotmats[known] = rotmats_from_rotvecs(poses_rad[known].reshape(-1, N_JOINTS, 3))
+    rotmats[known] = rotmats_from_rotvecs(poses_rad[known].reshape(-1, N_JOINTS, 3))
     return rotmats
 
 
@@ -269,6 +267,4 @@ def rigid_rows(transforms: np.ndarray) -> np.ndarray:
     """(N, 4, 4) -> (N,) bool: finite, a proper rotation and a translation."""
     finite = usable_rows(transforms)
     rotmats = np.where(finite[:, None, None], transforms[:, :3, :3], np.eye(3))
-    off = np.abs(np.swapaxes(rotmats, 1, 2) @ rotmats - np.eye(3)).max(axis=(1, 2))
-    proper = (off < RIGID_TOLERANCE) & (np.linalg.det(rotmats) > 0)
-    return finite & proper & (transforms[:, 3] == (0.0, 0.0, 0.0, 1.0)).all(axis=1)
+    return finite & are_rotations(rotmats) & (transforms[:, 3] == (0.0, 0.0, 0.0, 1.0)).all(axis=1)

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from gmrdata.values.errors import BadMotionFile
 from gmrdata.values.motion import Motion
 from gmrdata.values.shapes import Float, Int
 
@@ -97,6 +98,13 @@ class BodyModel:
     def rest_pelvis_m(self, shape: np.ndarray) -> Float[np.ndarray, "3"]:
         """J0(shape), by which SMPL's `trans` differs from the pelvis position [m]."""
         return self.rest_joints_m(shape)[0]
+
+
+def require_local(motion: Motion) -> None:
+    """BadMotionFile for local rotations of other joints, or of other frames than the root's."""
+    found, wanted = motion.local_rotmats.shape, (motion.n_frames, N_LOCAL, 3, 3)
+    if found != wanted:
+        raise BadMotionFile(f"{motion.source}: local rotations {found}, and not {wanted}")
 
 
 def leg_length_m(rest_joints_m: Float[np.ndarray, "24 3"]) -> float:

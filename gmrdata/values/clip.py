@@ -14,13 +14,13 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gmrdata.values.body import N_JOINTS, BodyModel, on_body
+from gmrdata.values.body import N_JOINTS, BodyModel, on_body, require_local
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.errors import BadMotionFile, BadRecord
 from gmrdata.values.files import read_npz, write_npz
 from gmrdata.values.motion import Motion
 from gmrdata.values.records import ArrayShapes, check_shapes, require_tag
-from gmrdata.values.transforms import rotmats_from_rotvecs, rotvecs_from_rotmats
+from gmrdata.values.transforms import are_rotations, rotmats_from_rotvecs, rotvecs_from_rotmats
 
 CLIP_FORMAT = "gmrdata-clip/1"
 
@@ -102,12 +102,14 @@ def save_clip(path: str | Path, clip: Clip, rest_pelvis_m: np.ndarray) -> None:
 
     AMASS's `trans` is not the pelvis: pelvis = trans + J0.  It is converted here and back in
     `load_clip`, and J0 travels in the file, so no body model is needed to read it.
-    `rest_pelvis_m` (3,) is J0 of the clip's body and shape, rest frame [m].
+    `rest_pelvis_m` (3,) is J0 of the clip's body and shape, rest frame [m].  BadMotionFile for
+    arrays that do not fit, and for matrices that are no rotations; rows of NaN are kept.
     """
-    motion = clip.motion
+    path, motion = Path(path), clip.motion
+    require_local(motion)
     arrays: dict[str, ArrayLike] = {
         "format": CLIP_FORMAT,
-        "poses": _rotvecs(motion.rotmats).reshape(motion.n_frames, 72),
+        "poses": _rotvecs(path, motion.rotmats).reshape(motion.n_frames, 72),
         "trans": np.asarray(motion.pelvis_m - rest_pelvis_m, dtype=np.float64),
         "betas": np.asarray(motion.shape, dtype=np.float64),
         "gender": motion.gender,
@@ -127,7 +129,6 @@ def save_clip(path: str | Path, clip: Clip, rest_pelvis_m: np.ndarray) -> None:
             "world_from_cam": clip.camera.world_from_cam,
             "has_camera": clip.camera.has_camera,
         }
-    path = Path(path)
     _check(path, {key: np.asarray(value) for key, value in arrays.items()})
     write_npz(path, arrays)
 
@@ -171,16 +172,20 @@ def _check(path: Path, arrays: dict[str, np.ndarray]) -> None:
         raise BadMotionFile(f"{path}: frame is {str(arrays['frame'])!r}, not 'world' or 'camera'")
     if not (np.isfinite(arrays["mocap_framerate"]) and arrays["mocap_framerate"] > 0):
         raise BadMotionFile(f"{path}: the frame rate is {arrays['mocap_framerate']} Hz")
+    if not np.isfinite(arrays["rest_pelvis_m"]).all():
+        raise BadMotionFile(f"{path}: rest_pelvis_m holds NaN or infinite numbers")
 
 
-def _rotvecs(rotmats: np.ndarray) -> np.ndarray:
-    """Axis-angle of rotation matrices (..., 3, 3); NaN where a frame without a motion has NaN."""
-    flat = rotmats.reshape(-1, 3, 3)
-    known = np.isfinite(flat).all(axis=(1, 2))
-    rotvecs = np.full((len(flat), 3), np.nan)
-    if known.any():
-        rotvecs[known] = rotvecs_from_rotmats(flat[known])
-    return rotvecs.reshape(*rotmats.shape[:-1])
+def _rotvecs(path: Path, rotmats: np.ndarray) -> np.ndarray:
+    """Axis-angle of rotation matrices (T, 24, 3, 3); NaN where a frame without a motion has NaN."""
+    known = np.isfinite(rotmats).all(axis=(2, 3))
+    if not (proper := are_rotations(rotmats[known])).all():
+        row, joint = np.argwhere(known)[~proper][0]
+        what = f"the matrix of joint {joint} in row {row} is no rotation"
+        raise BadMotionFile(f"{path}: {what}. Give it rows of unit length and a determinant of 1")
+    rotvecs = np.full(rotmats.shape[:-1], np.nan)
+    rotvecs[known] = rotvecs_from_rotmats(rotmats[known])
+    return rotvecs
 
 
 def file_name(clip_id: str) -> str:

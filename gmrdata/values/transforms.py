@@ -8,6 +8,7 @@ import numpy as np
 from gmrdata.values.shapes import Float
 
 _ATAN2 = np.frompyfunc(math.atan2, 2, 1)
+RIGID_TOLERANCE = 1e-3  # largest entry of R^T R - 1 of a rotation as files round it
 _TURNED = {"X": (1, 2), "Y": (2, 0), "Z": (0, 1)}
 """The axes that a rotation about one turns: the first towards the second."""
 
@@ -28,6 +29,12 @@ def invert(a_from_b: Float[np.ndarray, "*batch 4 4"]) -> Float[np.ndarray, "*bat
     """b_from_a of rigid transforms, without a general matrix inverse."""
     rotmats = np.swapaxes(a_from_b[..., :3, :3], -1, -2)
     return rigid(rotmats, -np.einsum("...ij,...j->...i", rotmats, a_from_b[..., :3, 3]))
+
+
+def are_rotations(rotmats: np.ndarray, most_off: float = RIGID_TOLERANCE) -> np.ndarray:
+    """(...) bool: matrices (..., 3, 3) are proper rotations but for an entry of R^T R - 1."""
+    near = np.abs(np.swapaxes(rotmats, -1, -2) @ rotmats - np.eye(3)).max((-1, -2)) <= most_off
+    return np.asarray(near & (np.linalg.det(np.where(near[..., None, None], rotmats, 0.0)) > 0))
 
 
 def apply(

@@ -135,6 +135,7 @@ def damaged(tmp_path: Path, **changed: object) -> Path:
         ("poses", np.array(1.0)),
         ("trans", np.zeros((1, 3))),  # would broadcast without a word
         ("rest_pelvis_m", np.zeros((5, 3))),
+        ("rest_pelvis_m", np.array([0.0, np.nan, 0.0])),
         ("betas", np.zeros((1, 10))),
         ("valid", np.zeros(5)),
         ("valid", np.zeros(4, dtype=bool)),
@@ -184,6 +185,24 @@ def test_no_frames(tmp_path):
 def test_saving_what_does_not_fit_writes_nothing(tmp_path):
     clip = replace(a_clip(), valid=np.ones(4, dtype=bool))
     with pytest.raises(BadMotionFile, match="'valid' has shape"):
+        save_clip(tmp_path / "c.npz", clip, np.zeros(3))
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("changed", "why"),
+    [
+        (lambda motion: {"root_rotmats": -motion.root_rotmats}, "joint 0 in row 0 is no rotation"),
+        (lambda motion: {"local_rotmats": 2 * motion.local_rotmats}, "joint 1 in row 0 is no rot"),
+        (lambda motion: {"local_rotmats": motion.rotmats}, r"\(5, 24, 3, 3\), and not"),
+        (lambda motion: {"local_rotmats": motion.local_rotmats[1:]}, r"\(4, 23, .*, and not \(5"),
+    ],
+)
+def test_a_motion_that_is_none_is_not_saved(tmp_path, changed, why):
+    """Reflections and enlarged matrices, as of a left-handed world, were saved as other turns."""
+    clip = a_clip()
+    clip = replace(clip, motion=replace(clip.motion, **changed(clip.motion)))
+    with pytest.raises(BadMotionFile, match=why):
         save_clip(tmp_path / "c.npz", clip, np.zeros(3))
     assert list(tmp_path.iterdir()) == []
 

@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from gmrdata.read.numbers import finite_numbers, require_radians
 from gmrdata.values.body import N_LOCAL
 from gmrdata.values.errors import BadMotionFile
-from gmrdata.values.transforms import rigid, rotmats_from_rotvecs
+from gmrdata.values.transforms import are_rotations, rigid, rotmats_from_rotvecs
 
 AGAIN = "Give the system's own file, or make it again"
 KNOWN = (
@@ -97,8 +97,7 @@ class Entry:
         return self.orthonormal(key, self.array(key, *shape, 3, 3, rows=rows))
 
     def orthonormal(self, key: str, rotmats: np.ndarray) -> np.ndarray:
-        skew = np.abs(rotmats @ np.swapaxes(rotmats, -1, -2) - np.eye(3)).max()
-        if not skew <= LARGEST_SKEW or (np.linalg.det(rotmats) < 0).any():
+        if not are_rotations(rotmats, LARGEST_SKEW).all():
             raise self.fault(f"{key} of {self.name} holds matrices that are no rotations")
         flat = Rotation.from_matrix(rotmats.reshape(-1, 3, 3)).as_matrix()
         return np.asarray(flat.reshape(rotmats.shape))
