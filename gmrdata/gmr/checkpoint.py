@@ -214,7 +214,8 @@ def read_network(folder: Path, name: str, config: ModelConfig) -> Gmr:
     with torch.device("meta"):
         shapes = _shapes(Gmr(config))
     tensors = _read_tensors(folder, name, shapes)
-    model = Gmr(config)
+    with torch.random.fork_rng(devices=[]):  # whose first weights nobody keeps
+        model = Gmr(config)
     model.load_state_dict(tensors)
     return model
 

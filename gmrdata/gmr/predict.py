@@ -10,7 +10,7 @@ import io
 import warnings
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 import torch
@@ -35,13 +35,14 @@ from gmrdata.gmr.runs import runs_at
 from gmrdata.gmr.soles import held_by_soles
 from gmrdata.motion.resample import resample
 from gmrdata.values import limits
-from gmrdata.values.body import JOINT_NAMES, N_LOCAL
+from gmrdata.values.body import JOINT_NAMES, N_LOCAL, require_local
 from gmrdata.values.clip import Clip
 from gmrdata.values.errors import BadCheckpoint, BadMotionFile, BadRecord, MissingExtra
 from gmrdata.values.files import read_json
 from gmrdata.values.motion import Motion, accumulate, deltas, without_root
 from gmrdata.values.records import Record
 from gmrdata.values.shapes import Float
+from gmrdata.values.transforms import are_rotations
 
 
 class Bundle(Record):
@@ -71,9 +72,11 @@ def load_gmr(network: Path | str, which: Which = "latest") -> TrainedGmr:
     """The latest checkpoint of a training run, or what scored best on its held-out clips.
 
     Or a folder of weights alone, which has no other weights; `bundled` is the package's own.
-    MissingInput where there is none, BadCheckpoint where it is broken or has no best weights.
+    MissingInput where there is none, BadCheckpoint where it is broken or has no such weights.
     """
     folder = network_dir(network)
+    if which not in get_args(Which):
+        raise BadCheckpoint(f"{folder}: no {which!r} weights; take {' or '.join(get_args(Which))}")
     if (folder / BUNDLE_FILE).is_file():
         if which == "best":
             raise BadCheckpoint(f"{folder}: has the latest weights alone. Use those")
@@ -122,7 +125,7 @@ def predict_with_doubt(
 ) -> DoubtedMotions:
     """The same before soles hold it, and how far apart the answers are whose mean it is: those of a
     symmetric network and of several networks, root mean square; zeros for one answer."""
-    given = torch.as_tensor(np.ascontiguousarray(local_rotmats), dtype=torch.float64)
+    given = torch.from_numpy(np.array(local_rotmats, np.float64, order="C"))
     poses = given_input(given, gmr.model.config)
     device = next(gmr.model.parameters()).device
     with torch.no_grad():
@@ -170,19 +173,21 @@ def predict_world_motion(
 
     The motion's own root is not looked at.  With the paper's first pose, the identity, the world is
     the body's own frame at the first moment (x to its left, y up, z to its front).  Give the first
-    pose to have another world.
+    pose to have another world.  BadMotionFile for what is no pose, and for too few or slow frames.
 
     Args:
         motion: Two or more local poses, at the network's frame rate or above, to be resampled.
         first_root_rotmat: R_1, world_from_root; the identity if None.
         first_pelvis_m: T_1 [m]; the origin if None.
     """
+    root = np.asarray(np.eye(3) if first_root_rotmat is None else first_root_rotmat, np.float64)
+    place_m = np.asarray(np.zeros(3) if first_pelvis_m is None else first_pelvis_m, np.float64)
+    is_place = place_m.shape == (3,) and np.isfinite(place_m).all()
+    if not (is_place and root.shape == (3, 3) and are_rotations(root)):
+        what = "the first pose is no rotation (3, 3) and place (3,). Give those of a valid frame"
+        raise BadMotionFile(f"{motion.source}: {what}")
     local = _at_network_rate(gmr, motion)
-    root_rotmats, pelvis_m = accumulate(
-        *predict_deltas(gmr, local.local_rotmats),
-        np.eye(3) if first_root_rotmat is None else np.asarray(first_root_rotmat, np.float64),
-        np.zeros(3) if first_pelvis_m is None else np.asarray(first_pelvis_m, np.float64),
-    )
+    root_rotmats, pelvis_m = accumulate(*predict_deltas(gmr, local.local_rotmats), root, place_m)
     source = f"world motion predicted by GMR {gmr.name} (step {gmr.step}) from: {motion.source}"
     if abs(motion.fps_hz - gmr.fps_hz) > 1e-6 * gmr.fps_hz:
         source += f", resampled from {motion.fps_hz:g} to {gmr.fps_hz:g} fps"
@@ -193,19 +198,14 @@ def predict_world_motion(
 
 def _at_network_rate(gmr: TrainedGmr, motion: Motion) -> Motion:
     """The motion at the network's rate, without its roots, which may be absent."""
+    require_local(motion)
     n = motion.n_frames
     clip = Clip(motion.source, without_root(motion), np.ones(n, bool), np.full(n, -1), None)
     runs = runs_at(clip, gmr.fps_hz, all_phases=False)
     if not runs:
-        raise _too_short(gmr, motion)
+        what = f"{n} frames at {motion.fps_hz:g} fps are less than two frames at"
+        raise BadMotionFile(f"{motion.source}: {what} {gmr.fps_hz:g} fps. Give a longer motion")
     return runs[0]
-
-
-def _too_short(gmr: TrainedGmr, motion: Motion) -> BadMotionFile:
-    return BadMotionFile(
-        f"{motion.source}: {motion.n_frames} frames at {motion.fps_hz:g} fps are less than two"
-        f" frames at {gmr.fps_hz:g} fps. Give a longer motion"
-    )
 
 
 def deltas_at_source_rate(gmr: TrainedGmr, motion: Motion) -> DoubtedMotions:
@@ -218,13 +218,12 @@ def deltas_at_source_rate(gmr: TrainedGmr, motion: Motion) -> DoubtedMotions:
     poses are fewer than two at the network's rate.
     """
     n = motion.n_frames
-    poses = without_root(motion)
     turns, steps_m, counts = np.zeros((n - 1, 3)), np.zeros((n - 1, 3)), np.zeros((n - 1, 1))
     doubts = np.zeros((n - 1, 2))
     for phase in range(max(1, int(motion.fps_hz / gmr.fps_hz + 1e-6))):
-        if (n - 1 - phase) / motion.fps_hz < 1 / gmr.fps_hz - 1e-6:
+        if phase and (n - 1 - phase) / motion.fps_hz < 1 / gmr.fps_hz - 1e-6:
             break
-        local = _at_network_rate(gmr, poses.take(slice(phase, None)))
+        local = _at_network_rate(gmr, motion.take(slice(phase, None)))
         turned, moved_m, doubt = predict_with_doubt(gmr, local.local_rotmats)
         root_rotmats, pelvis_m = accumulate(turned, moved_m, np.eye(3), np.zeros(3))
         path = replace(
@@ -240,8 +239,6 @@ def deltas_at_source_rate(gmr: TrainedGmr, motion: Motion) -> DoubtedMotions:
         of_motion = (np.arange(count) * gmr.fps_hz / motion.fps_hz).astype(int)
         doubts[rows] += doubt[of_motion.clip(max=len(doubt) - 1)]
         counts[rows] += 1
-    if not counts.any():
-        raise _too_short(gmr, motion)
     nearest = np.maximum.accumulate(np.where(counts[:, 0] > 0, np.arange(n - 1), 0))
     turns, steps_m, doubts = (
         (values / np.maximum(counts, 1))[nearest] for values in (turns, steps_m, doubts)

@@ -140,6 +140,11 @@ def test_the_best_weights_come_back_or_are_refused(run_dir):
     assert again.score == BestScore(step=30, score="score", value=2.0)
     difference = read_model(folder).regression.bias - read_model(folder, "best").regression.bias
     torch.testing.assert_close(difference, torch.ones(6))
+    with pytest.raises(BadCheckpoint, match="no 'Best' weights; take latest or best"):
+        load_gmr(run_dir, "Best")
+    drawn = torch.random.get_rng_state()
+    load_gmr(run_dir, "best")
+    assert torch.equal(torch.random.get_rng_state(), drawn)
     path = folder / "best.safetensors"
     path.write_bytes(path.read_bytes()[:-9])
     with pytest.raises(BadCheckpoint, match=r"best\.safetensors: truncated"):

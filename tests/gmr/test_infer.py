@@ -58,6 +58,20 @@ def test_a_first_pose_moves_the_whole(untrained, motion):
     )
 
 
+@pytest.mark.parametrize(
+    "first",
+    [
+        {"first_pelvis_m": np.array([0.0, np.nan, 0.0])},
+        {"first_root_rotmat": np.full((3, 3), np.nan)},
+        {"first_root_rotmat": -np.eye(3)},
+    ],
+)
+def test_a_first_pose_that_is_none_is_refused(first, untrained, motion):
+    """It gave a path of NaN, or of a mirrored world."""
+    with pytest.raises(BadMotionFile, match="first pose is no rotation"):
+        predict_world_motion(untrained, motion, **first)
+
+
 @pytest.mark.parametrize("predict", [predict_world_motion, predict_at_source_rate])
 def test_the_given_root_is_not_looked_at(predict, walk, untrained):
     """Camera-motion agnostic: any root gives the same bytes, even none at all."""
@@ -90,6 +104,17 @@ def test_a_rate_that_is_no_multiple_is_resampled(untrained, make_clips):
     assert world.source.endswith("resampled from 25 to 10 fps")
     with pytest.raises(BadMotionFile, match="5 fps is lower than 10 fps"):
         predict_world_motion(untrained, replace(motion, fps_hz=5.0))
+
+
+def test_other_joints_are_named_and_arrays_may_be_read_only(untrained, motion):
+    """torch said that of the sizes of its tensors, and warned of arrays that can't be written."""
+    for local in (motion.rotmats, motion.local_rotmats[:, :21], motion.local_rotmats[1:]):
+        with pytest.raises(BadMotionFile, match=r"local rotations .*, and not \(40, 23, 3, 3"):
+            predict_world_motion(untrained, replace(motion, local_rotmats=local))
+    kept = motion.local_rotmats.copy()
+    kept.flags.writeable = False
+    world = predict_world_motion(untrained, replace(motion, local_rotmats=kept))
+    assert np.array_equal(world.pelvis_m, predict_world_motion(untrained, motion).pelvis_m)
 
 
 def test_rotations_stay_orthonormal_over_a_long_sequence(untrained):
