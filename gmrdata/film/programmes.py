@@ -135,8 +135,11 @@ def camera_path(
 
     The subject's pelvis path (T, 3) is in a z-up world with the ground at z = 0 [m].  `rng` chooses
     what the recipe leaves open: side, azimuth, the drift of a held camera.  BadRecipe where no
-    distance keeps the subject in frame.
+    distance keeps the subject in frame, or no camera has such a picture.
     """
+    if not (0 < fps_hz < np.inf and min(width_px, height_px) > 0 and 0 < hfov_deg < 180):
+        what = f"{width_px} x {height_px} px, hfov_deg {hfov_deg}, {fps_hz} Hz"
+        raise BadRecipe(f"camera of {what}: all are above 0, and hfov_deg is below 180")
     pelvis = np.asarray(pelvis_world_m, dtype=np.float64)
     if pelvis.shape != (len(pelvis), 3) or not len(pelvis) or not np.isfinite(pelvis).all():
         what = "the subject's path must be (T, 3) finite numbers"

@@ -179,6 +179,20 @@ def test_a_subject_that_cannot_be_framed_is_an_error():
         filmed_by(Static(), straight(30.0))
 
 
+@pytest.mark.parametrize(
+    "lens",
+    [
+        {"hfov_deg": 200.0}, {"hfov_deg": -60.0}, {"hfov_deg": 0.0}, {"width_px": -640},
+        {"height_px": 0}, {"fps_hz": -10.0}, {"fps_hz": np.nan},
+    ],
+)  # fmt: skip
+def test_a_picture_that_no_camera_has_is_an_error(lens):
+    """Its focal length was negative, and nothing was said."""
+    given = {"fps_hz": 10.0, "width_px": 640, "height_px": 360, "hfov_deg": 60.0} | lens
+    with pytest.raises(BadRecipe, match="all are above 0, and hfov_deg is below 180"):
+        camera_path(Static(distance_m=4.0), straight(1.0), rng=np.random.default_rng(0), **given)
+
+
 @pytest.mark.parametrize("path", [np.zeros((0, 3)), np.zeros((4, 2)), np.full((4, 3), np.nan)])
 def test_a_broken_path_is_an_error(path):
     with pytest.raises(BadMotionFile, match="finite numbers"):
