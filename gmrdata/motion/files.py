@@ -59,7 +59,7 @@ class FileReading:
 
 
 def read_motion(
-    path: Path,
+    path: Path | str,
     body: BodyModel,
     *,
     fps_hz: float | None = None,
@@ -248,7 +248,6 @@ def find_motions(folder: Path) -> list[Path]:
     both as AMASS and as BVH, as AMASS.  Hidden folders, as those of what was deleted, are not
     entered, nor links that lead out.  MissingInput: there is no such folder.
     """
-    folder = Path(folder)
     if not folder.is_dir():
         raise MissingInput(f"{folder}: no such folder")
     paths = (path for path in visible(folder.rglob("*")) if path.suffix.lower() in SUFFIXES)

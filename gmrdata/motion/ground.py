@@ -62,7 +62,7 @@ def motion_of(
 ) -> Motion:
     """A motion in the z-up world from rotations (T, 24, 3, 3), the root's first, and a path [m]."""
     local, root, person = rotmats[:, 1:], rotmats[:, 0], (body.name, gender_of(body))
-    return Motion(local, root, pelvis_m, shape, fps_hz, *person, frame="world", source=source)
+    return Motion(local, root, pelvis_m, shape.copy(), fps_hz, *person, "world", source)
 
 
 def levelled(body: BodyModel, motion: Motion, ground: bool) -> Motion:

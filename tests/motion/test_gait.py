@@ -220,6 +220,8 @@ def test_a_shape_that_is_given_is_kept(small_body):
     shape = np.linspace(-1, 1, small_body.n_shape)
     motion = make_gait("walk", 1.0, 30.0, small_body, np.random.default_rng(0), shape=shape)
     np.testing.assert_array_equal(motion.shape, shape)
+    shape[:] = 0
+    assert motion.shape[0] == -1
 
 
 def test_a_set_goes_round_the_kinds_with_seeded_variety(small_body):
