@@ -57,9 +57,9 @@ def test_each_name_is_there_and_says_what_it_is(name):
         assert set(annotations) == {*inspect.signature(value).parameters, "return"}
 
 
-def test_an_unknown_name_is_no_attribute():
+def test_an_unknown_name_is_no_attribute() -> None:
     with pytest.raises(AttributeError, match="no attribute 'train_gmr'"):
-        _ = gmrdata.train_gmr
+        _ = gmrdata.train_gmr  # type: ignore[attr-defined]
 
 
 def test_editors_see_the_same_names():
