@@ -65,31 +65,51 @@ if TYPE_CHECKING:
 __version__ = "0.3.0"
 
 _NAMES = {
-    "export.export": ("export",), "film.programmes": ("camera_path", "camera_programme"),
-    "film.render": ("RenderConfig", "render_clip"), "fusion.fuse": ("FuseConfig", "fuse"),
-    "gmr.config": ("TrainConfig",), "gmr.infer": ("InferConfig", "infer"),
-    "gmr.predict": ("load_gmr", "predict_world_motion"), "gmr.train": ("train",),
-    "manifest.read": ("load_clips", "read_manifest"), "motion.files": ("read_motion",),
-    "motion.gait": ("make_gait",), "motion.library": ("make_library",),
-    "read.bodies": ("load_body",), "read.body_file": ("save_body",),
-    "score.compare": ("CompareConfig", "compare"), "score.predictors": ("ScoreConfig",),
-    "score.records": ("Scores",), "score.score": ("Scored", "score"), "stage.run": ("Run",),
-    "values.body": ("BodyModel",), "values.camera": ("CameraPath",),
-    "values.clip": ("Clip", "load_clip", "save_clip"), "values.errors": ("GmrdataError",),
-    "values.motion": ("Motion",), "values.people": ("PersonFiles",),
-    "film.render_set": ("render_set",), "read.models": ("fetch_models",),
-    "threedpw.regenerate": ("regenerate_threedpw",), "twins.floor": ("measure_floor",),
-    "world.compose": ("motion_in_camera",), "cameras.lens.intrinsics": ("GivenIntrinsics",),
-    "people.sources": ("MasksConfig",), "read.video": ("VideoConfig",),
-    "solve.plan": ("plan_videos",), "solve.request": ("SequenceConfig", "SolveConfig"),
-    "solve.solve": ("make_masks", "solve_sequence"), "solve.verdict": ("VideoVerdict",),
+    "export.export": ("export",),
+    "film.programmes": ("camera_path", "camera_programme"),
+    "film.render": ("RenderConfig", "render_clip"),
+    "fusion.fuse": ("FuseConfig", "fuse"),
+    "gmr.config": ("TrainConfig",),
+    "gmr.infer": ("InferConfig", "infer"),
+    "gmr.predict": ("load_gmr", "predict_world_motion"),
+    "gmr.train": ("train",),
+    "manifest.read": ("load_clips", "read_manifest"),
+    "motion.files": ("read_motion",),
+    "motion.gait": ("make_gait",),
+    "motion.library": ("make_library",),
+    "read.bodies": ("load_body",),
+    "read.body_file": ("save_body",),
+    "score.compare": ("CompareConfig", "compare"),
+    "score.predictors": ("ScoreConfig",),
+    "score.records": ("Scores",),
+    "score.score": ("Scored", "score"),
+    "stage.run": ("Run",),
+    "values.body": ("BodyModel",),
+    "values.camera": ("CameraPath",),
+    "values.clip": ("Clip", "load_clip", "save_clip"),
+    "values.errors": ("GmrdataError",),
+    "values.motion": ("Motion",),
+    "values.people": ("PersonFiles",),
+    "film.render_set": ("render_set",),
+    "read.models": ("fetch_models",),
+    "threedpw.regenerate": ("regenerate_threedpw",),
+    "twins.floor": ("measure_floor",),
+    "world.compose": ("motion_in_camera",),
+    "cameras.lens.intrinsics": ("GivenIntrinsics",),
+    "people.sources": ("MasksConfig",),
+    "read.video": ("VideoConfig",),
+    "solve.plan": ("plan_videos",),
+    "solve.request": ("SequenceConfig", "SolveConfig"),
+    "solve.solve": ("make_masks", "solve_sequence"),
+    "solve.verdict": ("VideoVerdict",),
     "solve.videos": ("solve_video", "solve_videos"),
-}  # fmt: skip
+}
 # OpenCV alone looks elsewhere for the number of threads that a run is given.
 if os.environ.get("OMP_NUM_THREADS", "").isdecimal():
     os.environ.setdefault("OPENCV_FOR_THREADS_NUM", os.environ["OMP_NUM_THREADS"])
 
 _HOME = {name: module for module, names in _NAMES.items() for name in names}
+
 __all__ = sorted(_HOME)
 
 
