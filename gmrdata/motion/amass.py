@@ -167,7 +167,7 @@ def _pose_arrays(
         poses, trans = (np.where(known[:, None], array, 0.0) for array in (poses, trans))
     poses, trans = finite_numbers(poses, "poses", path), finite_numbers(trans, "trans", path)
     if poses.ndim != 2 or poses.shape[1] not in HANDS:
-        forms = "(T, 72) of SMPL, (T, 156) of SMPL+H and (T, 165) of SMPL-X"
+        forms = "(T, 66) without hands, (T, 72) of SMPL, (T, 156) of SMPL+H and (T, 165) of SMPL-X"
         raise BadMotionFile(f"{path}: poses are {poses.shape}; known are {forms}")
     if trans.shape != (len(poses), 3):
         what = f"trans is {trans.shape} for {len(poses)} frames"

@@ -32,11 +32,12 @@ def joined_poses(arrays: dict[str, np.ndarray], path: Path) -> dict[str, np.ndar
         what = "HuMoR's motion before the camera, which leans as the camera did"
         raise BadMotionFile(f"{path}: {what}. Give the stage3_results_prior.npz beside it")
     if "poses" in arrays:
-        poses = arrays["poses"]  # some have (T, J, 3)
-        is_rows = poses.ndim == 3 and poses.shape[2] == 3
-        return (
-            arrays | {"poses": poses.reshape(len(poses), 3 * poses.shape[1])} if is_rows else arrays
-        )
+        poses = arrays["poses"]
+        if poses.ndim == 3 and poses.shape[2] == 3:  # by joint
+            poses = poses.reshape(len(poses), 3 * poses.shape[1])
+        if poses.shape[1:] != (66,):
+            return arrays | {"poses": poses}
+        arrays = arrays | {"root_orient": poses[:, :3], "pose_body": poses[:, 3:]}  # no hands
     key_of = {part: next((k for k in keys if k in arrays), "") for part, keys in SPLIT_KEYS.items()}
     parts = {part: arrays[key] for part, key in key_of.items() if key}
     parts = {part: array for part, array in parts.items() if array.dtype.kind in "fiu"}

@@ -196,14 +196,15 @@ N_SMPLX = 165
 def _with_amass_keys(arrays: dict[str, Any], path: Path) -> EstimatedPeople:
     """Any system's motion with AMASS's keys, at its own rate, as `gmrdata evaluate` takes it.
 
-    `poses` (T, 72, 156 or 165) axis-angle [rad], `trans` (T, 3), SMPL's transl [m] with z up, and
+    `poses` (T, 66, 72, 156 or 165) axis-angle [rad], `trans` (T, 3), SMPL's transl [m] with z up;
     perhaps `betas` (S,) or (T, S), `gender`, `mocap_framerate` or `mocap_frame_rate` [Hz].
     `gmrdata.motion.amass` reads such files as motion capture: onto another body, on the floor.
     """
     entry = Entry(arrays, "the motion", path)
     poses = entry.array("poses", None, None)
     if poses.shape[1] not in HANDS:
-        raise entry.fault(f"poses are {poses.shape}; known are (T, 72), (T, 156) and (T, 165)")
+        known = "(T, 66), (T, 72), (T, 156) and (T, 165)"
+        raise entry.fault(f"poses are {poses.shape}; known are {known}")
     rotmats = rotmats_of(poses)[:, [*range(22), *HANDS[poses.shape[1]]]]
     transl_m, n_rows = entry.array("trans", len(poses), 3), len(poses)
     person = EstimatedPerson(

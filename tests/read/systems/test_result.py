@@ -294,8 +294,15 @@ def test_poses_by_joint_are_as_those_in_a_row(tmp_path):
     poses, trans = system_files.some_poses(T), np.ones((T, 3))
     np.savez(tmp_path / "row.npz", poses=poses, trans=trans)
     np.savez(tmp_path / "joints.npz", poses=poses.reshape(T, 24, 3), trans=trans)
-    one, other = (read_system(tmp_path / f"{name}.npz").people[0] for name in ("row", "joints"))
-    np.testing.assert_array_equal(one.local_rotmats, other.local_rotmats)
+    # 22 joints without hands, as those who make GVHMR's results into .npz write them.
+    np.savez(tmp_path / "body.npz", poses=poses[:, :66].reshape(T, 22, 3), trans=trans)
+    one, other, body = (
+        read_system(tmp_path / f"{name}.npz").people[0].local_rotmats
+        for name in ("row", "joints", "body")
+    )
+    np.testing.assert_array_equal(one, other)
+    np.testing.assert_array_equal(body[:, :21], one[:, :21])
+    np.testing.assert_array_equal(body[:, 21:], np.tile(np.eye(3), (T, 2, 1, 1)))
 
 
 def test_what_whams_api_returns_is_read_as_its_demos_file(tmp_path):
