@@ -76,7 +76,7 @@ how many parameters.  https://colmap.github.io/cameras.html"""
 COLMAP_OTHERS = {
     5: "OPENCV_FISHEYE", 7: "FOV", 8: "SIMPLE_RADIAL_FISHEYE", 9: "RADIAL_FISHEYE",
     10: "THIN_PRISM_FISHEYE", 11: "RAD_TAN_THIN_PRISM_FISHEYE", 12: "SIMPLE_DIVISION",
-    13: "DIVISION", 14: "SIMPLE_FISHEYE", 15: "FISHEYE",
+    13: "DIVISION", 14: "SIMPLE_FISHEYE", 15: "FISHEYE", 16: "EUCM", 17: "EQUIRECTANGULAR",
 }  # fmt: skip
 
 

@@ -8,6 +8,7 @@ import pytest
 
 from gmrdata.cameras.colmap import pycolmap
 from gmrdata.read.intrinsics import GIVEN_SIGMA, exif_lens, read_intrinsics, video_lens
+from gmrdata.read.lens_files import COLMAP_OTHERS, COLMAP_TERMS
 from gmrdata.values.camera import Lens
 from gmrdata.values.errors import BadIntrinsics, MissingInput
 
@@ -53,6 +54,14 @@ def test_what_colmap_writes_is_read_from_its_folder(tmp_path, model):
     assert from_binary.focal_px == (600, params[1] if model == "PINHOLE" else 600)
     assert from_binary.centre_px == (322, 239)
     assert from_binary.radial == (0 if model == "PINHOLE" else -0.1, 0)
+
+
+def test_every_camera_model_of_colmap_is_known_by_its_name():
+    """Two of COLMAP 4.2's were refused by their numbers."""
+    known = COLMAP_OTHERS | {number: name for name, (number, _, _) in COLMAP_TERMS.items()}
+    models = pycolmap.CameraModelId.__members__.items()
+    its = {int(model): name for name, model in models if int(model) >= 0}
+    assert its.items() <= known.items()
 
 
 @pytest.mark.parametrize(
