@@ -22,7 +22,7 @@ import numpy as np
 from gmrdata.motion.ground import levelled, motion_of
 from gmrdata.motion.resample import between_known
 from gmrdata.motion.up_axis import turn_upright, turned
-from gmrdata.read.amass_keys import RATE_KEYS, gender_word, joined_poses
+from gmrdata.read.amass_keys import FORMS, RATE_KEYS, gender_word, joined_poses
 from gmrdata.read.numbers import finite_numbers, require_radians
 from gmrdata.read.source_motion import (
     CMU_60_HZ_SUBJECTS,
@@ -167,8 +167,7 @@ def _pose_arrays(
         poses, trans = (np.where(known[:, None], array, 0.0) for array in (poses, trans))
     poses, trans = finite_numbers(poses, "poses", path), finite_numbers(trans, "trans", path)
     if poses.ndim != 2 or poses.shape[1] not in HANDS:
-        forms = "(T, 66) without hands, (T, 72) of SMPL, (T, 156) of SMPL+H and (T, 165) of SMPL-X"
-        raise BadMotionFile(f"{path}: poses are {poses.shape}; known are {forms}")
+        raise BadMotionFile(f"{path}: poses are {poses.shape}; known are {FORMS}")
     if trans.shape != (len(poses), 3):
         what = f"trans is {trans.shape} for {len(poses)} frames"
         raise BadMotionFile(f"{path}: {what}; fetch it again")

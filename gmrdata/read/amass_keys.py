@@ -11,6 +11,7 @@ from gmrdata.values.errors import BadMotionFile
 
 RATE_KEYS = ("mocap_framerate", "mocap_frame_rate")
 """SMPL+H's and SMPL-X's name of the frame rate [Hz]."""
+FORMS = "(T, 66) without hands, (T, 72) of SMPL, (T, 156) of SMPL+H and (T, 165) of SMPL-X"
 SPLIT_KEYS = {
     "root": ("root_orient", "global_orient"),
     "body": ("pose_body", "body_pose"),

@@ -129,9 +129,7 @@ def _wham_person(person: TrackedPerson) -> dict[str, object]:
     is_smpl = motion.body.startswith(SMPL)
     rest_pelvis_m = person.rest_pelvis_m if is_smpl else np.array(SMPL_REST_PELVIS_M)
     shape = np.trim_zeros(motion.shape, "b") if is_smpl else np.zeros(SMPL_SHAPES)
-    shape = np.pad(
-        shape, (0, max(0, SMPL_SHAPES - len(shape)))
-    )  # 10, unless the others say something
+    shape = np.pad(shape, (0, max(0, SMPL_SHAPES - len(shape))))  # more only if they say something
     arrays = dict[str, np.ndarray]()
     if camera is not None:
         in_camera = placed(motion, invert(camera.world_from_cam[rows]), rest_pelvis_m)

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from gmrdata.read.amass_keys import RATE_KEYS, gender_word, joined_poses
+from gmrdata.read.amass_keys import FORMS, RATE_KEYS, gender_word, joined_poses
 from gmrdata.read.numbers import kind_of
 from gmrdata.read.safe_pickle import load_object_npy, load_plain
 from gmrdata.read.systems import gem, gvhmr, phalp, prompthmr, sam3d, slahmr, tram, vibe, wham
@@ -174,13 +174,12 @@ def _built_in(folder: Path) -> EstimatedPeople:
     """The folder of `gmrdata.people.local_poses`: before the video's own camera."""
     record, people = load_local_poses(folder)
     files = (folder / POSES_FILE, *(folder / person_file(n) for n in range(record.people)))
-    width_px, height_px = record.size_px
     estimated = [
         EstimatedPerson(
             name=f"person_{n}",
             frame_numbers=one.frame_numbers,
             local_rotmats=one.local_rotmats,
-            in_camera=InCamera(one.root_rotmats, one.pelvis_m, "own", (width_px, height_px)),
+            in_camera=InCamera(one.root_rotmats, one.pelvis_m, "own", record.size_px),
             rest_pelvis_m=np.zeros(3),
             lacks={"world": "a motion before the camera alone"},
         )
@@ -203,8 +202,7 @@ def _with_amass_keys(arrays: dict[str, Any], path: Path) -> EstimatedPeople:
     entry = Entry(arrays, "the motion", path)
     poses = entry.array("poses", None, None)
     if poses.shape[1] not in HANDS:
-        known = "(T, 66), (T, 72), (T, 156) and (T, 165)"
-        raise entry.fault(f"poses are {poses.shape}; known are {known}")
+        raise entry.fault(f"poses are {poses.shape}; known are {FORMS}")
     rotmats = rotmats_of(poses)[:, [*range(22), *HANDS[poses.shape[1]]]]
     transl_m, n_rows = entry.array("trans", len(poses), 3), len(poses)
     person = EstimatedPerson(
@@ -225,6 +223,9 @@ def _plain_motion(content: dict[Any, Any], path: Path) -> dict[str, Any] | None:
     motion = {key: value for key, value in content.items() if isinstance(key, str)}
     if "fullpose" in motion:
         motion["poses"] = motion["fullpose"]
+    match motion.get("stageii_debug_details"):  # of MoSh++'s own *_stageii.pkl
+        case {"mocap_frame_rate": rate_hz, "cfg": {"surface_model": {"gender": gender}}}:
+            motion |= {"mocap_frame_rate": rate_hz, "gender": gender}
     if motion.keys() >= {"smpl_poses", "smpl_trans", "smpl_scaling"}:
         entry = Entry(motion, "the motion", path)
         scaling = float(entry.flat("smpl_scaling", 1)[0])

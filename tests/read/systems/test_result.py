@@ -658,7 +658,9 @@ def test_pickled_motions_of_mosh_and_aist_are_read(tmp_path):
     rng = np.random.default_rng(0)
     poses, trans = rng.normal(0, 0.3, (5, 72)), rng.normal(0, 1, (5, 3))
     path = tmp_path / "motion.pkl"
-    mosh = {"fullpose": poses, "trans": trans, "mocap_framerate": 60.0, "betas": np.zeros(10)}
+    details = {"mocap_frame_rate": 60.0, "cfg": {"surface_model": {"gender": "female"}}}
+    mosh = {"fullpose": poses, "trans": trans, "betas": np.zeros(10)}
+    mosh |= {"stageii_debug_details": details}
     aist = {"smpl_poses": poses, "smpl_trans": 90.0 * trans, "smpl_scaling": np.array([90.0])}
     found = {}
     for name, content in {"mosh": mosh, "aist": aist}.items():
@@ -667,6 +669,7 @@ def test_pickled_motions_of_mosh_and_aist_are_read(tmp_path):
         assert people.fps_hz == (60.0 if name == "mosh" else None)
         (found[name],) = people.people
     one, other = found["mosh"], found["aist"]
+    assert one.betas_body == "smpl-female"  # her shape was taken for a neutral body's
     np.testing.assert_allclose(other.local_rotmats, one.local_rotmats, atol=1e-12)
     assert one.in_world is not None and other.in_world is not None
     np.testing.assert_array_equal(one.in_world.transl_m, trans)
