@@ -46,8 +46,7 @@ def joined_poses(arrays: dict[str, np.ndarray], path: Path) -> dict[str, np.ndar
         return arrays
     n = max([1, *parts["root"].shape[:1]])
     # Of one frame a part may be a row; a part by another order of axes is none.
-    by_frame = {part: array for part, array in parts.items() if n in (1, *array.shape[:1])}
-    parts = {part: array.reshape(n, -1) for part, array in by_frame.items()}
+    parts = {part: one.reshape(n, -1) for part, one in parts.items() if n in (1, *one.shape[:1])}
     body = parts.get("body", np.empty((n, 0)))
     hands = [parts.get(f"{side} hand", np.empty((n, 0))) for side in ("left", "right")]
     hands_rad = parts.get("hands", np.concatenate(hands, axis=1))
