@@ -92,13 +92,13 @@ def _read(path: Path) -> EstimatedPeople:
     if path.suffix.lower() == ".npz":
         return _npz(path)
     with path.open("rb") as stream:
-        first = stream.read(len(OLD_TORCH))
+        first = stream.read(128)
     if first.startswith(ZIP):
         return _pickled(load_tensors(path), path)
-    if first == OLD_TORCH:
+    if first.startswith(OLD_TORCH):
         what = "is in torch's form from before version 1.6, which is not read"
         raise BadMotionFile(f"{path}: {what}. Load it with torch and save it again with torch.save")
-    if first.startswith(NUMPY):
+    if first.startswith(NUMPY) and b"'|O'" in first:  # one of plain numbers is none of these
         return _pickled(load_object_npy(path), path)
     if not first.startswith(PICKLES):
         raise BadMotionFile(

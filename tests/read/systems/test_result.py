@@ -547,11 +547,12 @@ def test_a_folder_that_is_no_result_is_named(tmp_path):
         ("mot.txt", "1, 2, 3.0, 4, 5, 6, 1, -1, -1, -1\n"),
         ("take.fbx", "Kaydara FBX Binary  \0"),
         ("page.pkl", "<!DOCTYPE html>"),
+        ("motionx.npy", "\x93NUMPY\1\0v\0{'descr': '<f4', 'shape': (9, 322), "),
     ],
 )
 def test_what_is_no_pickle_is_not_called_a_broken_or_an_unsafe_one(name, begin, tmp_path):
     """A .trc asked for an outside object, as P is a step of a pickle; others were truncated."""
-    (tmp_path / name).write_text(begin)
+    (tmp_path / name).write_text(begin, "latin-1")
     with pytest.raises(BadMotionFile, match=rf"{name}: holds no poses\. Known are results of"):
         read_system(tmp_path / name)
     (tmp_path / name).write_text("version https://git-lfs.github.com/spec/v1\noid sha256:0\n")
