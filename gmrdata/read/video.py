@@ -340,14 +340,15 @@ def _said_of_repeats(changes: np.ndarray, numbers: Sequence[int]) -> str | None:
             return None
         what = f"frames {numbers[first]} to {numbers[after - 1]} show one picture"
         return f"{what}, and the next is far on: the recording hung, people did not; cut it there"
-    if repeats.mean() < FEWEST_REPEATED:
+    # The longest one may be a picture that stands still: alone it says nothing of a converter.
+    if repeats.sum() - apart.max() + 1 < FEWEST_REPEATED * len(changes):
         return None
     every = int(apart[1])
     even = (apart[1:-1] == every).all()
     if even and every == 1:
         return None  # it only stands still at an end
     each = every * (numbers[1] - numbers[0])
-    leaves_out = f"--every {each}, or a folder of each {each}th, leaves them out"
+    leaves_out = f"--every {each}, or a folder of one in {each}, leaves them out"
     remedy = leaves_out if even else "give the original"
     n, of = int(repeats.sum()), len(changes) + 1
     return f"{n} of {of} frames repeat the one before: it was made faster than filmed; {remedy}"

@@ -243,13 +243,14 @@ def test_a_part_is_asked_for_by_times_of_the_record(name, tmp_path):
             lambda n: n // 4,
             1,
             "30 of 40 frames repeat the one before: it was made faster than filmed; --every 4, or a"
-            " folder of each 4th, leaves them out",
+            " folder of one in 4, leaves them out",
         ),
         (lambda n: n // 4, 2, "10 of 20 frames repeat the one before: .*; --every 4"),
         (lambda n: n - n // 5, 1, "7 of 40 frames repeat the one before"),
         (lambda n: min(n, 20), 1, ""),
         (lambda n: min(n, 32), 1, ""),
         (lambda n: n if n < 10 else max(10, n - 15), 1, ""),  # who stands still goes on as before
+        (lambda n: n if n < 10 else max(10, n - 8), 1, ""),
         (lambda n: n if n < 10 or n > 25 else 10, 1, "frames 10 to 25 show one picture, and"),
         (lambda n: n if n < 6 or n > 34 else 6, 2, "frames 6 to 34 show one picture, and .* hung"),
     ],
