@@ -38,7 +38,7 @@ THUMBNAIL_WIDTH_PX = 88
 TILE_WIDTH_PX = 260
 JPEG_QUALITY = 80
 VIDEO_HEADINGS = (
-    "video", "frames", "with a camera", Cell("rate", unit="Hz"), Cell("focal length", unit="px"),
+    "video", "frames", "camera to use", Cell("rate", unit="Hz"), Cell("focal length", unit="px"),
     "lens from", "people", "why",
 )  # fmt: skip
 LENS = {"given": "given", "metadata": "noted", "self_calibrated": "frames", "prior": "a guess"}

@@ -90,7 +90,8 @@ def write_colmap(
     model.update_point_3d_errors()
     writers = {BINARY_FOLDER: model.write_binary, TEXT_FOLDER: model.write_text}
     if spaced := next((one for one in names.values() if any(map(str.isspace, one))), None):
-        remark(f"{spaced}: no {TEXT_FOLDER}, in which an image's name ends at the first space")
+        what = "no COLMAP model as text, where an image's name ends at the first space"
+        remark(f"{spaced}: {what}")
         del writers[TEXT_FOLDER]
     for name, write in writers.items():
         (folder / name).mkdir(parents=True)
