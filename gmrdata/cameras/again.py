@@ -14,7 +14,7 @@ from gmrdata.cameras.check.verdict import agreement_reasons
 from gmrdata.cameras.files import Agreement, Geometry, load_cameras, load_points
 from gmrdata.cameras.frames import linked
 from gmrdata.cameras.recipe import CamerasVerdictConfig, SfmConfig
-from gmrdata.cameras.reconstruct import known_radial, reconstruct
+from gmrdata.cameras.reconstruct import known_radial, leave_cameras
 from gmrdata.read.frames import read_frames
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
@@ -86,7 +86,7 @@ def solve_again(
     """Solve frames four more times and leave `again.json`.
 
     `sfm_dir` is the first solution, by `config` of the same frames and masks, whose intrinsics are
-    kept.  BadFrames, MissingInput: as of `reconstruct`.
+    kept.  BadFrames, MissingInput: as of `leave_cameras`.
     """
 
     def work(partial: Path) -> None:
@@ -120,17 +120,17 @@ def _solved(
     try:
         times_s, again = frames.times_s[rows] / way.step, read_frames(given[0].parent)
         again = replace(again, times_s=times_s, rate_hz=frames.rate_hz)
-        solved = reconstruct(again, masks, lens, folder / "sfm", seeded)
+        leave_cameras(folder, again, masks, lens, seeded)
     except NoReconstruction as error:
         return SolvedAgain(way.name, None, None, error.why)
-    cameras, other = load_cameras(solved), np.full_like(first.world_from_cam, np.nan)
+    cameras, other = load_cameras(folder), np.full_like(first.world_from_cam, np.nan)
     other[rows] = cameras.path.world_from_cam
     share = config.small_travel_share
     # Of a camera that is said to stay in its place, the other path says how far it goes.
-    if len(points) or not len(load_points(solved)):
+    if len(points) or not len(load_points(folder)):
         least = least_extent(first.world_from_cam, points, share)
         agree = agreement(first.world_from_cam, other, least)
     else:
-        least = least_extent(other, load_points(solved), share)
+        least = least_extent(other, load_points(folder), share)
         agree = agreement(other, first.world_from_cam, least)
     return SolvedAgain(way.name, cameras.geometry, agree, "")

@@ -104,9 +104,8 @@ def reconstruct(
         if frames.video is None:  # else it was said where they were taken
             changes = changes_between(frames.paths)
             say_repeats(frames.folder, changes, frames.numbers.tolist())
-        given = Frames(list(frames.paths), masks_dir, lens.matrix_px, lens.size_px)
         try:
-            _leave_cameras(partial, given, lens, config, frames.numbers_in_time)
+            leave_cameras(partial, frames, masks_dir, lens, config)
         except NoReconstruction as error:
             # The reduced frames are gone when somebody reads this.
             raise error.of(frames.folder) from None
@@ -116,17 +115,19 @@ def reconstruct(
     return run_stage("sfm", out_dir, recipe, inputs, work, run=run)
 
 
-def _leave_cameras(
-    folder: Path, given: Frames, lens: Lens, config: SfmConfig, in_time: np.ndarray
+def leave_cameras(
+    folder: Path, shown: FrameSet, masks_dir: Path | None, lens: Lens, config: SfmConfig
 ) -> None:
-    """Find the cameras of frames, and write them and what holds them into the stage's folder."""
+    """Find the cameras of frames, and write them and what holds them into a folder; arguments and
+    errors as of `reconstruct`."""
+    given = Frames(list(shown.paths), masks_dir, lens.matrix_px, lens.size_px)
     # COLMAP's files lie in the unfinished folder: a killed run leaves nothing elsewhere.
     work_dir = folder / "colmap"
     work_dir.mkdir()
     frames = reduced(given, config.max_image_size_px, work_dir / "reduced", lens.radial)
     # Features of the first keyframes are found while the last ones are chosen.
     with FeatureFinder(frames, work_dir, config) as finder:
-        solution, quality = solve(finder, work_dir, in_time)
+        solution, quality = solve(finder, work_dir, shown.numbers_in_time)
     shutil.rmtree(work_dir)
     cameras = solution.world_from_cam
     path = CameraPath(lens.matrix_px, *lens.size_px, cameras, solution.has_camera)

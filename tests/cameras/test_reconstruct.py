@@ -68,10 +68,12 @@ def test_a_pan_is_recognised_and_solved_as_a_pure_rotation(pan, pan_dir):
 
 
 def test_cameras_are_sought_and_sought_again_by_the_times_of_the_frames(
-    pan, pan_dir, tmp_path, monkeypatch
+    pan, pan_dir, tmp_path, monkeypatch, capsys
 ):
-    shown = np.array([0, 1, 2, 3, 4, 5, 9, 10, 11, 12, 13, 14])
-    frames = replace(pan.taken(), times_s=shown / 30, rate_hz=30.0)
+    """That images repeat was said three times more, of a folder that was gone."""
+    shown, images = np.array([0, 1, 2, 3, 4, 5, 9, 10, 11, 12, 13, 14]), pan.taken()
+    twice = tuple(images.paths[row // 2] for row in range(12))
+    frames = replace(images, paths=twice, times_s=shown / 30, rate_hz=30.0)
     heard = []
 
     def solve(finder, work_dir, in_time):
@@ -81,7 +83,9 @@ def test_cameras_are_sought_and_sought_again_by_the_times_of_the_frames(
     monkeypatch.setattr("gmrdata.cameras.reconstruct.solve", solve)
     with pytest.raises(NoReconstruction):
         reconstruct(frames, None, pan.lens, tmp_path / "first", SMALL)
+    assert "6 of 12 frames repeat the one before" in " ".join(capsys.readouterr().err.split())
     solve_again(pan_dir, frames, None, tmp_path / "again", SMALL)
+    assert capsys.readouterr().err == ""
     back, half = (14 - shown[::-1]).tolist(), [0, 1, 2, 4, 5, 6]
     assert heard == [shown.tolist(), back, half, shown.tolist(), shown.tolist()]
 

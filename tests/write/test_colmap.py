@@ -53,7 +53,7 @@ def test_names_with_spaces_are_in_the_binary_model_alone(camera, tmp_path, capsy
     model = pycolmap.Reconstruction(str(tmp_path / "model" / BINARY_FOLDER))
     assert {image.name for image in model.images.values()} < set(names)
     said = " ".join(capsys.readouterr().err.split())
-    assert said.startswith(next(name for name in names if " " in name) + ": no COLMAP model as text,")
+    assert said.startswith(next(name for name in names if " " in name) + ": no COLMAP model as")
 
 
 def test_pycolmap_reads_cameras_points_and_tracks(camera, tmp_path):
