@@ -111,26 +111,22 @@ def _solved(
     config: SfmConfig,
 ) -> SolvedAgain:
     first, points = load_cameras(sfm_dir).path, load_points(sfm_dir)
-    images = frames.paths
-    rows = way.rows(len(images))
-    chosen = {f"{number:05d}": images[row] for number, row in enumerate(rows)}
+    rows = way.rows(len(frames.paths))
+    chosen = {f"{number:05d}": frames.paths[row] for number, row in enumerate(rows)}
     given, masks = linked(chosen, masks_dir, folder)
-    seeded = config.reseeded(way.seed)
     lens = replace(first.lens, radial=known_radial(sfm_dir))
     try:
         times_s, again = frames.times_s[rows] / way.step, read_frames(given[0].parent)
         again = replace(again, times_s=times_s, rate_hz=frames.rate_hz)
-        leave_cameras(folder, again, masks, lens, seeded)
+        leave_cameras(folder, again, masks, lens, config.reseeded(way.seed))
     except NoReconstruction as error:
         return SolvedAgain(way.name, None, None, error.why)
     cameras, other = load_cameras(folder), np.full_like(first.world_from_cam, np.nan)
     other[rows] = cameras.path.world_from_cam
-    share = config.small_travel_share
+    ours, theirs = (first.world_from_cam, points), (other, load_points(folder))
     # Of a camera that is said to stay in its place, the other path says how far it goes.
-    if len(points) or not len(load_points(folder)):
-        least = least_extent(first.world_from_cam, points, share)
-        agree = agreement(first.world_from_cam, other, least)
-    else:
-        least = least_extent(other, load_points(folder), share)
-        agree = agreement(other, first.world_from_cam, least)
+    if not len(points) and len(theirs[1]):
+        ours, theirs = theirs, ours
+    least = least_extent(*ours, config.small_travel_share)
+    agree = agreement(ours[0], theirs[0], least)
     return SolvedAgain(way.name, cameras.geometry, agree, "")

@@ -340,8 +340,7 @@ def _said_of_repeats(changes: np.ndarray, numbers: Sequence[int]) -> str | None:
             return None
         what = f"frames {numbers[first]} to {numbers[after - 1]} show one picture"
         return f"{what}, and the next is far on: the recording hung, people did not; cut it there"
-    # The longest one may be a picture that stands still: alone it says nothing of a converter.
-    if repeats.sum() - apart.max() + 1 < FEWEST_REPEATED * len(changes):
+    if repeats.sum() - apart.max() + 1 < FEWEST_REPEATED * len(changes):  # one may stand still
         return None
     every = int(apart[1])
     even = (apart[1:-1] == every).all()

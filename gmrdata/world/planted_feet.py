@@ -142,8 +142,11 @@ def _search(turned_m: np.ndarray, centres: np.ndarray, slip_m: float, config: Sc
     moving = squares > 1e-12 * max(1e-300, float((centres[np.isfinite(centres)] ** 2).max()))
     candidates = -np.einsum("nkj,nj->nk", steps_m[moving], moves[moving]) / squares[moving, None]
     candidates = candidates[candidates > 0]
-    if candidates.size < 4:
+    if not moving.any():
         raise NoReconstruction("scale: the camera hardly moves, so its path has no scale")
+    if candidates.size < 4:
+        what = f"no foot stands still in {moving.sum()} steps of the camera from frame to frame"
+        raise NoReconstruction(f"scale: {what}; the person is seen too briefly, or moves with it")
     low, high = np.percentile(candidates, [1, 99])
     grid = np.geomspace(low / 3, high * 3, config.grid_steps)
     least = (((steps_m + s * moves[:, None]) ** 2).sum(axis=2).min(axis=1) for s in grid)

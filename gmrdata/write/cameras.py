@@ -90,8 +90,7 @@ def write_colmap(
     model.update_point_3d_errors()
     writers = {BINARY_FOLDER: model.write_binary, TEXT_FOLDER: model.write_text}
     if spaced := next((one for one in names.values() if any(map(str.isspace, one))), None):
-        what = "no COLMAP model as text, where an image's name ends at the first space"
-        remark(f"{spaced}: {what}")
+        remark(f"{spaced}: no COLMAP model as text, where a name ends at the first space")
         del writers[TEXT_FOLDER]
     for name, write in writers.items():
         (folder / name).mkdir(parents=True)

@@ -141,6 +141,16 @@ def test_a_camera_that_does_not_move_has_no_scale(small_body):
         scale_of(small_body, motion, still)
 
 
+def test_who_moves_with_the_camera_for_two_frames_has_no_scale(small_body):
+    """It was said of the camera that it hardly moves."""
+    motion, path = filmed("walk", CIRCULAR, small_body, seed=0)
+    two, back = np.arange(path.n_frames) < 2, path.world_from_cam.copy()
+    back[:, :3, 3] *= -1
+    back[~two] = np.nan
+    with pytest.raises(NoReconstruction, match="no foot stands still in 1 steps of the camera"):
+        scale_of(small_body, motion, path, replace(path, world_from_cam=back, has_camera=two))
+
+
 def test_why_nobodys_feet_tell_is_said_once(small_body):
     motion, path = filmed("walk", CIRCULAR, small_body, seed=0)
     still = replace(path, world_from_cam=np.tile(path.world_from_cam[:1], (path.n_frames, 1, 1)))
