@@ -284,7 +284,7 @@ def _world_body(
     feet_m = np.zeros((motion.n_frames, 0, 3))
     if "foot_sliding_mm" in protocol.metrics:
         feet = with_vertices(body, np.array(foot_vertices(body)))
-        feet_m = motion_vertices_m(feet, motion).astype(float)
+        feet_m = _vertices_m(feet, motion, slice(None))
     return WorldBody(motion.root_rotmats, _joints_m(body, motion, regressor), feet_m)
 
 
@@ -304,14 +304,16 @@ def _seen_body(
 
 
 def _vertices_m(body: BodyModel, motion: Motion, rows: slice) -> Points:
-    return motion_vertices_m(body, motion, rows).astype(float)
+    # Posed at the origin, since vertices far from it have few digits.
+    at_origin = replace(motion, pelvis_m=np.zeros_like(motion.pelvis_m))
+    return np.asarray(motion_vertices_m(body, at_origin, rows) + motion.pelvis_m[rows, None])
 
 
 def _joints_m(body: BodyModel, motion: Motion, regressor: np.ndarray | None) -> Points:
     """Joints (T, J, 3) of the skeleton, or of posed meshes, a chunk of frames at a time [m]."""
     if regressor is None:
         return motion_joints_m(body, motion)
-    # From the pelvis, since vertices far from the origin have few digits.
+    # From the pelvis, since rows of a regressor sum to 1 but for their rounding.
     at_origin = replace(motion, pelvis_m=np.zeros_like(motion.pelvis_m))
     chunks = motion_metrics.chunks(motion.n_frames, len(body.template_m))
     posed_m = (_vertices_m(body, at_origin, rows) for rows in chunks)
