@@ -1,5 +1,6 @@
 """Compare several scored runs on the clips that all of them have."""
 
+import math
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -23,7 +24,7 @@ HEADINGS = ("metric", "run", "mean of clips", "difference", "95 % interval", "p"
 CSV_HEADINGS: list[Cell] = [
     "metric", "run", "n_clips", "mean_of_clips", "difference", "low", "high", "p_value",
 ]  # fmt: skip
-SAME_ZERO = 1e-6  # largest difference of two scores of zero motion on the same frames [deg, mm]
+SAME_ZERO = 1e-6  # largest difference of two scores of zero motion on the same frames
 
 
 class CompareConfig(Config):
@@ -95,7 +96,7 @@ def compare(
 
     Each clip counts once, whatever its length.  Only clips that all runs have are compared; the
     others are named.  A protocol's metrics are compared where all runs have the same protocol,
-    at one frame rate of each clip.
+    on the same frames of each clip.
     `out_dir` gets `comparison.json`, whose path is returned, `comparison.csv` and `.md`.
     """
     config, paths, out_dir = config or CompareConfig(), as_paths(scores_paths), Path(out_dir)
@@ -128,7 +129,7 @@ def compare_records(
     if any(record.protocol != first for record in records):
         left_out: str | None = _several_protocols(records, names)
     else:
-        left_out = None if first is None else _several_rates(first, of_runs, names)
+        left_out = None if first is None else _measured_otherwise(first, of_runs, names)
     protocol = None if left_out else first
     return Comparison(
         runs=tuple(names),
@@ -162,11 +163,11 @@ def _several_protocols(records: Sequence[Scores], names: Sequence[str]) -> str:
     return f"Protocols differ and are left out: {', '.join(said)}. Score all by one."
 
 
-def _several_rates(
+def _measured_otherwise(
     protocol: Protocol, clips: Sequence[Sequence[ClipScore]], names: Sequence[str]
 ) -> str | None:
-    """Why a protocol's figures differ between runs whatever was predicted: they depend on the rate
-    of its frames, which is that of a prediction's file.  None where each clip has one rate."""
+    """Why a protocol's figures differ between runs whatever was predicted: they depend on which of
+    a clip's frames have a prediction, and at which rate.  None where each clip has the same."""
     for of_clip in zip(*clips, strict=True):
         if len({clip.protocol_fps_hz for clip in of_clip}) > 1:
             rates = ", ".join(
@@ -175,7 +176,21 @@ def _several_rates(
             )
             what = f"its figures depend on the frame rate, and clip {of_clip[0].id} has {rates}"
             return f"Protocol {protocol.name} is left out: {what}. Give predictions of one rate."
+        for name, clip in zip(names, of_clip, strict=True):
+            if not _same_zero(of_clip[0], clip, protocol):
+                return (
+                    f"Protocol {protocol.name} is left out: clip {clip.id} has other frames in "
+                    f"{name} than in {names[0]}, or begins anew after gaps in one of them. Give "
+                    "all as files of one folder, with --missing drop."
+                )
     return None
+
+
+def _same_zero(a: ClipScore, b: ClipScore, protocol: Protocol) -> bool:
+    """Whether zero motion has the same figures, where it has any: they are the truth's alone."""
+    pairs = ((a.figures("zero")[one], b.figures("zero")[one]) for one in protocol.metrics)
+    known = ((x, y) for x, y in pairs if x is not None and y is not None)
+    return all(math.isclose(x, y, rel_tol=SAME_ZERO, abs_tol=SAME_ZERO) for x, y in known)
 
 
 def _compared(

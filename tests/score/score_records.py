@@ -36,7 +36,7 @@ def clip_score(
     world: Mapping[str, float] | None = None,
     protocol_fps_hz: float = 30.0,
 ) -> ClipScore:
-    """A clip, with a protocol's figures where they are given."""
+    """A clip, with a protocol's figures where they are given; zero motion's are 50."""
     return ClipScore(
         id=id,
         camera_motion=camera_motion,
@@ -45,7 +45,9 @@ def clip_score(
         dropped_frames=0,
         predicted=predicted,
         zero=zero,
-        protocol=None if world is None else ByMethod(predicted=dict(world), zero=dict(world)),
+        protocol=None
+        if world is None
+        else ByMethod(predicted=dict(world), zero=dict.fromkeys(world, 50.0)),
         protocol_fps_hz=None if world is None else protocol_fps_hz,
         subsets=(),
         seen_in=None,

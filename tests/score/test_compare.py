@@ -161,6 +161,22 @@ def test_a_protocol_is_compared_at_one_rate(tmp_path):
         assert said in (tmp_path / "other" / name).read_text()
 
 
+def test_a_protocol_is_compared_on_the_same_frames(tmp_path):
+    """One prediction without the last frame had another WA-MPJPE, 1.7 mm off itself."""
+    wham, values = of_protocol("wham", "wa_mpjpe_mm"), {"x": 10.0, "yy": 20.0}
+    paths = [write_scores(tmp_path / one, values, one, protocol=wham) for one in ("a", "b")]
+    assert compared(paths, tmp_path / "same")["protocol_left_out"] is None
+    shorter = read_json(paths[1])
+    shorter["clips"][1]["protocol"]["zero"]["wa_mpjpe_mm"] = 50.001
+    write_json(paths[1], shorter)
+    found = compared(paths, tmp_path / "other")
+    assert found["protocol_left_out"] == (
+        "Protocol wham is left out: clip yy has other frames in b than in a, or begins anew after "
+        "gaps in one of them. Give all as files of one folder, with --missing drop."
+    )
+    assert found["protocol"] is None and set(found["metrics"]) == set(METRICS)
+
+
 def test_what_single_runs_know_is_said(tmp_path, works):
     """That a run knew the camera, or its network the clips, stood in its own scores alone."""
     paths = [write_scores(tmp_path / name, {"x": 1.0, "yy": 2.0}, name) for name in ("a", "b")]
