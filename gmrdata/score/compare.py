@@ -311,7 +311,7 @@ def comparison_explanations(comparison: Comparison) -> list[str]:
         "Figures are means of the clips' means: each clip counts once. A difference below 0 is a "
         "smaller figure than the first run's: a smaller error, but for jitter and Accel.",
         f"Intervals: 95 %, by bootstrap: {comparison.resamples} times clips were drawn with "
-        "replacement.",
+        f"replacement. {table.FEW_CLIPS}",
         "p: two-sided paired permutation test over clips. Values are not corrected for the number "
         "of metrics and runs.",
         *table.meanings(metrics),

@@ -15,6 +15,10 @@ from gmrdata.values.files import write_text
 Table = tuple[tuple[str, ...], list[tuple[str, ...]]]  # headings and rows
 Cell = str | float | None  # a cell of a CSV file
 ZERO_HEADING = "with no motion at all"
+FEW_CLIPS = (
+    "Of few clips they are too narrow: of 5 clips they hold the true mean in about 8 of 10 cases, "
+    "of 20 in 9."
+)
 
 
 class MetricWords(NamedTuple):
@@ -208,7 +212,7 @@ def explanations(scores: Scores) -> list[str]:
         *meanings(metrics_with(scores.protocol)),
         "Figures are means over all motions, or over all samples of a protocol, of the clips of a "
         f"row. In brackets: 95 % bootstrap intervals, for which {scores.bootstrap.resamples} times "
-        "clips were drawn with replacement; a single clip has none.",
+        f"clips were drawn with replacement; a single clip has none. {FEW_CLIPS}",
         "Zero motion is a body that neither turns nor moves.",
         "OME, TME and VME take no difference between frames over a gap.",
         *_of_protocol(scores),
