@@ -123,7 +123,6 @@ def compare_records(
     clips = [{clip.id: clip for clip in record.clips} for record in records]
     common = [id for id in clips[0] if all(id in other for other in clips)]
     _check_comparable(records, paths, clips, common)
-    rng = np.random.default_rng(config.seed)
     of_runs = [[by_id[id] for id in common] for by_id in clips]
     first = records[0].protocol
     if any(record.protocol != first for record in records):
@@ -142,9 +141,7 @@ def compare_records(
             name: tuple(sorted(by_id.keys() - set(common)))
             for name, by_id in zip(names, clips, strict=True)
         },
-        metrics={
-            one: _compared(one, of_runs, names, config, rng) for one in metrics_with(protocol)
-        },
+        metrics={one: _compared(one, of_runs, names, config) for one in metrics_with(protocol)},
         statements=tuple(
             f"{name}: {line}"
             for name, record in zip(names, records, strict=True)
@@ -198,7 +195,6 @@ def _compared(
     clips: Sequence[Sequence[ClipScore]],
     names: Sequence[str],
     config: CompareConfig,
-    rng: np.random.Generator,
 ) -> tuple[ComparedRun, ...]:
     """Each run; clips in which a run has no figure are left out for all."""
     figures = [[clip.figures("predicted")[metric] for clip in of_run] for of_run in clips]
@@ -210,6 +206,8 @@ def _compared(
         mean = float(of_run.mean()) if n_clips else None
         diff = PairedDifference(n_clips, None, None, None)
         if number and n_clips:
+            # Anew for each, so that other runs and metrics beside it change nothing.
+            rng = np.random.default_rng(config.seed)
             diff = paired_difference(values[0], of_run, config.resamples, config.permutations, rng)
         rows.append(ComparedRun(run=name, mean_of_clips=mean, **diff._asdict()))
     return tuple(rows)

@@ -162,6 +162,18 @@ def test_a_protocol_is_compared_at_one_rate(tmp_path):
         assert said in (tmp_path / "other" / name).read_text()
 
 
+def test_a_third_run_changes_nothing_between_two(tmp_path):
+    """Intervals and p are drawn: of one pair of runs they were others where a third stood by."""
+    rng = np.random.default_rng(4)
+    paths = [
+        write_scores(tmp_path / one, {f"clip_{n:02d}": rng.gamma(4.0) for n in range(15)}, one)
+        for one in ("a", "b", "c")
+    ]
+    of_two, of_three = (compared(paths[:n], tmp_path / str(n))["metrics"] for n in (2, 3))
+    assert of_two == {metric: rows[:2] for metric, rows in of_three.items()}
+    assert 0 < of_two["tme_mm"][1]["p_value"] < 1
+
+
 def test_a_protocol_is_compared_on_the_same_frames(tmp_path):
     """One prediction without the last frame had another WA-MPJPE, 1.7 mm off itself."""
     wham, values = of_protocol("wham", "wa_mpjpe_mm"), {"x": 10.0, "yy": 20.0}
