@@ -121,7 +121,7 @@ def compare_records(
     records: Sequence[Scores], paths: Sequence[Path], names: Sequence[str], config: CompareConfig
 ) -> Comparison:
     clips = [{clip.id: clip for clip in record.clips} for record in records]
-    common = [id for id in clips[0] if all(id in other for other in clips)]
+    common = sorted(set.intersection(*map(set, clips)))  # so that their order changes no draw
     _check_comparable(records, paths, clips, common)
     of_runs = [[by_id[id] for id in common] for by_id in clips]
     first = records[0].protocol

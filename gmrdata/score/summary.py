@@ -132,14 +132,15 @@ def summarise(
         return resampled_counts(n_clips, resamples, rng)
 
     # What draws first decides the figures of the others: the order stays.
-    overall = _group(scored, draws)
+    by_id = sorted(scored, key=lambda one: one.clip_id)  # so that a manifest's order changes none
+    overall = _group(by_id, draws)
     return records.ScoreSummary(
         clips=tuple(map(_clip, scored)),
         overall=overall,
-        over_time=over_time(scored, fps_hz, draws),
-        camera_motion=_groups(scored, lambda one: one.camera_motion, draws),
-        motion_type=_groups(scored, lambda one: one.motion_type, draws),
-        subset=_subsets(scored, draws, protocol),
+        over_time=over_time(by_id, fps_hz, draws),
+        camera_motion=_groups(by_id, lambda one: one.camera_motion, draws),
+        motion_type=_groups(by_id, lambda one: one.motion_type, draws),
+        subset=_subsets(by_id, draws, protocol),
         statements=(),
     )
 

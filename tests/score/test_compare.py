@@ -174,6 +174,20 @@ def test_a_third_run_changes_nothing_between_two(tmp_path):
     assert 0 < of_two["tme_mm"][1]["p_value"] < 1
 
 
+def test_the_order_of_clips_changes_no_difference(tmp_path):
+    rng = np.random.default_rng(4)
+    values = [{f"clip_{n:02d}": rng.gamma(4.0) for n in range(15)} for _ in range(2)]
+    turned = [dict(reversed(one.items())) for one in values]
+    one, other = (
+        compared(
+            [write_scores(tmp_path / name / str(n), by_id) for n, by_id in enumerate(both)],
+            tmp_path / f"{name}_out",
+        )
+        for name, both in (("as_is", values), ("turned", turned))
+    )
+    assert one == other
+
+
 def test_a_protocol_is_compared_on_the_same_frames(tmp_path):
     """One prediction without the last frame had another WA-MPJPE, 1.7 mm off itself."""
     wham, values = of_protocol("wham", "wa_mpjpe_mm"), {"x": 10.0, "yy": 20.0}

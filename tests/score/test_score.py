@@ -232,6 +232,22 @@ def test_pooled_and_mean_of_clips_differ_as_they_should():
     assert over_time["predicted"]["interval95_mm"] == [[0, 4, 4], [0, 7, 9]]
 
 
+def test_the_order_of_clips_changes_no_figure():
+    """Of a manifest turned over, which `manifest diff` calls the same, intervals were others."""
+    rng = np.random.default_rng(3)
+    made = []
+    for clip_id, size in (("a", 3), ("b", 20), ("c", 8), ("d", 30), ("e", 5)):
+        both = {one: dict.fromkeys(METRICS, rng.gamma(4.0, 2.0, size)) for one in METHODS}
+        curves = {method: rng.gamma(4.0, 2.0, 10) for method in METHODS}
+        made.append(ClipErrors(clip_id, "linear", both, None, curves))
+    one, other = (
+        summarise(clips, 10.0, 500, np.random.default_rng(0)).model_dump()
+        for clips in (made, made[::-1])
+    )
+    assert one["clips"] == other["clips"][::-1]
+    assert one | {"clips": ()} == other | {"clips": ()}
+
+
 def test_scores_json(clips, small_body, score_run, tmp_path):
     rejected = Quality(verdict="rejected", reasons=("too few points",))
     manifest_path = write_clips(tmp_path / "data", small_body, clips, {"clip_1": rejected})
