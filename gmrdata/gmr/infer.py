@@ -31,7 +31,6 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 from pydantic import Field
-from scipy.spatial.transform import Rotation
 
 from gmrdata.gmr.config import Which, network_dir, weights_dir
 from gmrdata.gmr.predict import TrainedGmr, held, load_gmr, predict_world_motion
@@ -121,8 +120,8 @@ def _rest_of_the_way(gmr: TrainedGmr, poses: Motion, seen: Motion, n_missing: in
     frames = np.arange(poses.n_frames - n_missing, poses.n_frames)
     times_s = np.array([(seen.n_frames - 1) / gmr.fps_hz, *(frames / poses.fps_hz)])
     shares = 1.0 - (end_s - times_s[:, None]) * gmr.fps_hz
-    turn = Rotation.from_matrix(start[:3, :3].T @ end[:3, :3]).as_rotvec()
-    rotmats = start[:3, :3] @ Rotation.from_rotvec(shares * turn).as_matrix()
+    turn = transforms.rotvecs_from_rotmats(start[:3, :3].T @ end[:3, :3])
+    rotmats = start[:3, :3] @ transforms.rotmats_from_rotvecs(shares * turn)
     late_from_root = transforms.rigid(rotmats, start[:3, 3] + shares * (end - start)[:3, 3])
     joint = transforms.rigid(seen.root_rotmats[-1], seen.pelvis_m[-1])
     world_from_late = joint @ transforms.invert(late_from_root[0])

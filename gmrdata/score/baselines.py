@@ -19,12 +19,12 @@ from gmrdata.gmr.runs import LazyClips, no_runs, runs_at, usable_files
 from gmrdata.motion.resample import valid_runs
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
+from gmrdata.values import transforms
 from gmrdata.values.clip import Clip, save_clip
 from gmrdata.values.errors import BadManifest, BadMotionFile, StageFailed
 from gmrdata.values.files import read_npz, resolve_inside
 from gmrdata.values.motion import Motion, accumulate, deltas
 from gmrdata.values.records import Config, Record
-from gmrdata.values.transforms import rigid
 
 
 @dataclass(frozen=True, eq=False)
@@ -251,9 +251,7 @@ class MeanFigures(MethodFigures):
     @property
     def delta_rotmat(self) -> np.ndarray:
         """(3, 3) dR."""
-        from scipy.spatial.transform import Rotation
-
-        return np.asarray(Rotation.from_rotvec(self.mean_rotvec_rad).as_matrix())
+        return transforms.rotmats_from_rotvecs(np.array(self.mean_rotvec_rad))
 
 
 class MeanPredictions(Predictions):
@@ -293,8 +291,6 @@ def mean_motion(clips: Sequence[Clip], fps_hz: float) -> MeanFigures:
     dR by the chordal mean on SO(3) (Hartley et al. 2013, section 5.3), dT componentwise.  The clips
     are in the world frame, at `fps_hz` or above.
     """
-    from scipy.spatial.transform import Rotation
-
     pairs = []
     for clip in clips:
         if clip.motion.frame != "world":
@@ -307,8 +303,9 @@ def mean_motion(clips: Sequence[Clip], fps_hz: float) -> MeanFigures:
     if not pairs:
         raise no_runs(len(clips), "training", fps_hz, "Give other manifests")
     delta_rotmats, delta_m = (np.concatenate(parts) for parts in zip(*pairs, strict=True))
+    mean = transforms.mean_rotation(delta_rotmats)
     return MeanFigures(
-        mean_rotvec_rad=Rotation.from_matrix(delta_rotmats).mean().as_rotvec().tolist(),
+        mean_rotvec_rad=transforms.rotvecs_from_rotmats(mean).tolist(),
         mean_m=delta_m.mean(axis=0).tolist(),
         fps_hz=fps_hz,
         n_motions=len(delta_m),
@@ -324,7 +321,7 @@ def moving_as(mean: MeanFigures, subject: Subject) -> Prediction:
     from scipy.linalg import expm, logm
 
     motion = subject.clip.motion
-    along_screw = np.real(logm(rigid(mean.delta_rotmat, np.array(mean.mean_m))))
+    along_screw = np.real(logm(transforms.rigid(mean.delta_rotmat, np.array(mean.mean_m))))
     step = expm(mean.fps_hz / motion.fps_hz * along_screw)
     first = int(np.argmax(subject.clip.valid))
     root_rotmat, place_m = first_pose(subject.clip)

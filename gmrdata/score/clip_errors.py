@@ -147,19 +147,17 @@ def _of_videos(
                 "predictions to files and score those"
             )
         by_video.setdefault(videos.get(one.clip_id, one.clip_id), []).append(one)
-    nothing = {metric: np.zeros(0) for metric in protocol.metrics}
-    errors = []
+    figures = {}
     for clips in by_video.values():
         _require_one_rate(clips)
-        values = {
+        figures[clips[0].clip_id] = {
             method: values_together(protocol, [pair for one in clips for pair in one.pairs[method]])
             for method in METHODS
         }
-        empty = {method: dict(nothing) for method in METHODS}
-        for one in clips:
-            errors.append(replace(one, protocol=values if one is clips[0] else empty, pairs={}))
-    by_id = {one.clip_id: one for one in errors}
-    return [by_id[one.clip_id] for one in scored]
+    # The others of a video have none.
+    return [
+        replace(one, protocol=figures.get(one.clip_id, one.protocol), pairs={}) for one in scored
+    ]
 
 
 def _require_one_rate(scored: Sequence[ClipErrors]) -> None:

@@ -46,8 +46,7 @@ def camera_path_mm(pseudo_cameras: np.ndarray, true_cameras: np.ndarray) -> floa
         return None
     centres_m, true_centres_m = pseudo_cameras[:, :3, 3], true_cameras[:, :3, 3]
     fit = fit_similarity(true_centres_m, centres_m, scale=False)
-    moved_m = transforms.apply(transforms.rigid(fit.rotmat, fit.translation_m), centres_m)
-    return float(np.linalg.norm(moved_m - true_centres_m, axis=1).mean() * 1000)
+    return float(np.linalg.norm(fit.apply(centres_m) - true_centres_m, axis=1).mean() * 1000)
 
 
 def scale_error_percent(pseudo_cameras: np.ndarray, true_cameras: np.ndarray) -> float | None:

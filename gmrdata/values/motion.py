@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, Literal, Self, TypeVar
 
 import numpy as np
 
+from gmrdata.values.transforms import rotmats_from_rotvecs, rotvecs_from_rotmats
+
 
 @dataclass(frozen=True, eq=False)
 class Motion:
@@ -99,11 +101,8 @@ def bent(
     rotmats: np.ndarray, pelvis_m: np.ndarray, last_rotmat: np.ndarray, last_m: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """A path, R (T, 3, 3) and T (T, 3) [m], turned and moved evenly so that it ends elsewhere."""
-    from scipy.spatial.transform import Rotation
-
     shares = np.linspace(0.0, 1.0, len(rotmats))[:, None]
-    turn = Rotation.from_matrix(last_rotmat @ rotmats[-1].T).as_rotvec()
-    turned = Rotation.from_rotvec(shares * turn).as_matrix()
+    turned = rotmats_from_rotvecs(shares * rotvecs_from_rotmats(last_rotmat @ rotmats[-1].T))
     from_first_m = (turned @ (pelvis_m - pelvis_m[0])[..., None])[..., 0]
     path_m = pelvis_m[0] + from_first_m
     return turned @ rotmats, path_m + shares * (last_m - path_m[-1])
