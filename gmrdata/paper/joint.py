@@ -17,7 +17,6 @@ from typing import Literal
 
 import numpy as np
 import torch
-from scipy.spatial.transform import Rotation
 from torch import Tensor, nn
 
 from gmrdata.gmr import checkpoint, rotations
@@ -60,6 +59,7 @@ from gmrdata.values.files import read_npz
 from gmrdata.values.motion import whole_ratio
 from gmrdata.values.records import Config
 from gmrdata.values.shapes import Float
+from gmrdata.values.transforms import quaternions_from_rotmats, rotmats_from_quaternions
 
 KEY = "features"
 
@@ -241,9 +241,7 @@ def _seen(model: JointModel, features: np.ndarray) -> tuple[np.ndarray, np.ndarr
         output = model(torch.from_numpy(np.ascontiguousarray(features))[None])
 
     def orthonormal(rotmats: torch.Tensor) -> np.ndarray:
-        flat = rotmats[0].double().numpy().reshape(-1, 3, 3)
-        nearest: np.ndarray = flat if not len(flat) else Rotation.from_matrix(flat).as_matrix()
-        return nearest.reshape(rotmats.shape[1:])
+        return rotmats_from_quaternions(quaternions_from_rotmats(rotmats[0].double().numpy()))
 
     return (
         orthonormal(output.local_rotmats),

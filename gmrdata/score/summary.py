@@ -216,17 +216,14 @@ def _with_figures_of(
     if metrics is None or group.protocol is None or group.protocol_interval95 is None:
         return group
 
-    def kept(values: dict[str, T | None]) -> dict[str, T | None]:
-        return {metric: value if metric in metrics else None for metric, value in values.items()}
+    def kept(both: records.ByMethod[dict[str, T]]) -> records.ByMethod[dict[str, T | None]]:
+        def of(values: dict[str, T]) -> dict[str, T | None]:
+            return {one: value if one in metrics else None for one, value in values.items()}
 
-    both, ends = group.protocol, group.protocol_interval95
-    changes = {
-        "protocol": records.ByMethod(predicted=kept(both.predicted), zero=kept(both.zero)),
-        "protocol_interval95": records.ByMethod(
-            predicted=kept(ends.predicted), zero=kept(ends.zero)
-        ),
-    }
-    return group.model_copy(update=changes)
+        return records.ByMethod(predicted=of(both.predicted), zero=of(both.zero))
+
+    figures, ends = kept(group.protocol), kept(group.protocol_interval95)
+    return group.model_copy(update={"protocol": figures, "protocol_interval95": ends})
 
 
 def _group(scored: Sequence[ClipErrors], draws: Draws) -> records.GroupScore:
