@@ -78,7 +78,7 @@ class ScoreConfig(Config):
     the manifest lists, else 0."""
     resamples: int = Field(default=2000, ge=100, le=limits.MOST_DRAWS)
     """How often clips are drawn for a bootstrap interval."""
-    seed: int = Field(default=0, ge=0)
+    seed: int = Field(default=0, ge=0, le=limits.LARGEST_SEED)
 
     def its_protocol(self) -> Protocol | None:
         """The protocol as it is asked for; BadRecipe where it has no such deviation."""

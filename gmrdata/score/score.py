@@ -103,7 +103,8 @@ def score(
     scores = [one() for one in made]
     if len(sources) == 1:
         return Scored(tuple(scores), None)
-    compared = CompareConfig(names=tuple(one.name for one in sources), seed=config.seed)
+    names = tuple(one.name for one in sources)
+    compared = CompareConfig(names=names, resamples=config.resamples, seed=config.seed)
     return Scored(tuple(scores), compare(scores, out_dir / COMPARISON, compared, run=run))
 
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 from scipy.spatial.transform import Rotation
 
 from gmrdata.cli import main
@@ -252,9 +253,13 @@ def test_sets_in_folders_beside_clips_of_gmrdata(tmp_path, data, body, true):
     wham(folder / "wham_v1" / true.id, body, true)
     wham(folder / "wham_v2", body, true).rename(folder / "wham_v2" / f"{true.id}.pkl")
     write_clips(folder / "ours" / "predictions", body, [true])
-    made = score(data, folder, tmp_path / "out")
+    made = score(data, folder, tmp_path / "out", resamples=300)
     assert made.comparison is not None
-    assert Comparison.read(made.comparison).runs == ("ours", "wham_v1", "wham_v2")
+    compared = Comparison.read(made.comparison)
+    assert compared.runs == ("ours", "wham_v1", "wham_v2")
+    assert compared.resamples == 300, "as the scores beside it"
+    with pytest.raises(ValidationError, match="seed"):  # it was one once all were scored
+        score(data, folder, tmp_path / "seed", seed=2**63)
     score(data, folder / "wham_v2", tmp_path / "one")
     with pytest.raises(StaleOutput, match="one: holds what a single stage made.* another --out"):
         score(data, folder, tmp_path / "one")  # whose --redo took them all
