@@ -202,17 +202,14 @@ def show_scores(path: Path) -> None:
     """Print a `scores.json`, and write its page."""
     from gmrdata.pages.scores import write_scores_page
     from gmrdata.score.records import Scores
-    from gmrdata.score.table import of_predictions, protocol_rows, score_rows
+    from gmrdata.score.table import left_out, of_predictions, protocol_rows, score_rows
 
     scores = Scores.read(path)
     print_table(*score_rows(scores))
     if besides := protocol_rows(scores):
         print_table(*besides)
-    skipped = (f"{id}: left out: {why}" for id, why in sorted(scores.skipped.items()))
-    for line in (*scores.statements, *of_predictions(scores), *skipped):
+    for line in (*scores.statements, *of_predictions(scores), *left_out(scores)):
         answer(line)
-    if scores.dropped_frames:
-        answer(f"{scores.dropped_frames} valid frames had no prediction and are left out")
     answer(write_scores_page(path))
     answer(path)
 

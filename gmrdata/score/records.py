@@ -233,7 +233,7 @@ class MatchedResult(Config):
     frames: int
     """Frames in which the result has the person."""
     used_frames: int
-    """Those that are the clip's, and were scored."""
+    """Those that are the clip's and, where some may lack, in all sets; valid ones are scored."""
     unused_frames: int
     """Those that are not the clip's."""
     first_unused_frame: int | None
@@ -302,7 +302,7 @@ class Scores(ScoreSummary, Record):
     skipped: dict[str, str]
     """Why clips were left out, by id."""
     dropped_frames: int
-    """Valid frames of all clips without a prediction."""
+    """Valid frames of all clips without a prediction, here or in a set that was scored beside."""
 
     @model_validator(mode="after")
     def _has_the_protocols_figures(self) -> Self:

@@ -208,7 +208,7 @@ def lead(scores: Scores) -> str:
 
 def explanations(scores: Scores) -> list[str]:
     """What a reader of the figures must know, as sentences."""
-    lines = [
+    return [
         *meanings(metrics_with(scores.protocol)),
         "Figures are means over all motions, or over all samples of a protocol, of the clips of a "
         f"row. In brackets: 95 % bootstrap intervals, for which {scores.bootstrap.resamples} times "
@@ -217,10 +217,16 @@ def explanations(scores: Scores) -> list[str]:
         "OME, TME and VME take no difference between frames over a gap.",
         *_of_protocol(scores),
         *of_predictions(scores),
+        *left_out(scores),
     ]
-    if scores.dropped_frames:
-        lines.append(f"{scores.dropped_frames} valid frames had no prediction and are left out.")
-    return lines + [f"Left out: {id}: {why}" for id, why in sorted(scores.skipped.items())]
+
+
+def left_out(scores: Scores) -> list[str]:
+    """Which valid frames and which clips are not scored, as sentences."""
+    lines = [f"{id}: {why}" for id, why in sorted(scores.skipped.items())]
+    if n := scores.dropped_frames:
+        lines.append(f"{n} valid frames without a prediction, here or in a set beside it.")
+    return [f"Left out: {line}" for line in lines]
 
 
 def of_predictions(scores: Scores) -> list[str]:

@@ -13,6 +13,7 @@ from pydantic import ValidationError
 from scipy.spatial.transform import Rotation
 
 from gmrdata.cli import main
+from gmrdata.cli.gmr import show_scores
 from gmrdata.manifest.current import Quality, Source
 from gmrdata.manifest.write import ClipAbout, ClipFiles, clip_entry, write_manifest
 from gmrdata.motion.gait import embedded_motions
@@ -381,7 +382,9 @@ def test_frames_are_matched_by_number_and_the_missing_are_said(tmp_path, data, b
         score(data, other, tmp_path / "late")
 
 
-def test_sets_with_other_gaps_are_compared_on_their_common_frames(tmp_path, data, body, true):
+def test_sets_with_other_gaps_are_compared_on_their_common_frames(
+    tmp_path, data, body, true, capsys
+):
     folder = tmp_path / "results"
     rows = np.r_[0:20, 25:60]
     people = {0: (true.motion.take(rows), FRAMES[rows])}
@@ -390,6 +393,11 @@ def test_sets_with_other_gaps_are_compared_on_their_common_frames(tmp_path, data
     made = score(data, folder, tmp_path / "out", missing="drop")
     assert made.comparison is not None
     assert [Scores.read(path).clips[0].n_motions for path in made.scores] == [53, 53]
+    # GVHMR has all frames, and it was said that it had not.
+    said = "Left out: 5 valid frames without a prediction, here or in a set beside it."
+    assert f"- {said}\n" in made.scores[0].with_suffix(".md").read_text()
+    show_scores(made.scores[0])
+    assert said in capsys.readouterr().out.splitlines()
 
 
 @pytest.mark.parametrize(
