@@ -165,21 +165,17 @@ def _measured_otherwise(
 ) -> str | None:
     """Why a protocol's figures differ between runs whatever was predicted: they depend on which of
     a clip's frames have a prediction, and at which rate.  None where each clip has the same."""
+    left_out = f"Protocol {protocol.name} is left out"
     for of_clip in zip(*clips, strict=True):
+        first, named = of_clip[0], list(zip(names, of_clip, strict=True))
         if len({clip.protocol_fps_hz for clip in of_clip}) > 1:
-            rates = ", ".join(
-                f"{clip.protocol_fps_hz:g} fps in {name}"
-                for name, clip in zip(names, of_clip, strict=True)
-            )
-            what = f"its figures depend on the frame rate, and clip {of_clip[0].id} has {rates}"
-            return f"Protocol {protocol.name} is left out: {what}. Give predictions of one rate."
-        for name, clip in zip(names, of_clip, strict=True):
-            if not _same_zero(of_clip[0], clip, protocol):
-                return (
-                    f"Protocol {protocol.name} is left out: clip {clip.id} has other frames in "
-                    f"{name} than in {names[0]}, or begins anew after gaps in one of them. Give "
-                    "all as files of one folder, with --missing drop."
-                )
+            rates = ", ".join(f"{clip.protocol_fps_hz:g} fps in {name}" for name, clip in named)
+            what = f"its figures depend on the frame rate, and clip {first.id} has {rates}"
+            return f"{left_out}: {what}. Give predictions of one rate."
+        if other := [name for name, clip in named if not _same_zero(first, clip, protocol)]:
+            where = f"clip {first.id} has other frames in {other[0]} than in {names[0]}"
+            what = f"{where}, or begins anew after gaps in one of them"
+            return f"{left_out}: {what}. Give all as files of one folder, with --missing drop."
     return None
 
 

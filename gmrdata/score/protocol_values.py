@@ -66,8 +66,6 @@ def protocol_values(protocol: Protocol, pair: WorldPair) -> dict[ProtocolMetric,
 
     Those that count once per clip are not means yet: a clip has several worlds where it has gaps.
     """
-    if protocol.gaps != "kept":
-        pair = replace(pair, runs=((0, len(pair.true.joints_m)),))
     parts = {metric: _parts(protocol, metric, pair) for metric in protocol.metrics}
     if protocol.sample == "segment":  # each of which counts once
         parts = {metric: [mean_sample(one) for one in samples] for metric, samples in parts.items()}
@@ -86,16 +84,13 @@ def values_together(
     first = min((pair.video_frames[0] for pair in pairs), default=0)
     n_frames = max((pair.video_frames[1] for pair in pairs), default=0) - first
     samples: dict[ProtocolMetric, list[Samples]] = {metric: [] for metric in protocol.metrics}
-    whole = protocol.model_copy(update={"people": "apart"})
     for start, stop in metrics.segments_of(n_frames, protocol.segment_frames, protocol.remainder):
         pair = _laid_out(pairs, (first + start, first + stop))
         if pair is None:
             continue
-        n_rows = len(pair.true.joints_m)
-        if protocol.gaps != "kept":
-            pair = replace(pair, runs=((0, n_rows),))
+        whole = [(0, len(pair.true.joints_m))]
         for metric in protocol.metrics:
-            samples[metric] += map(mean_sample, _parts(whole, metric, pair, [(0, n_rows)]))
+            samples[metric] += map(mean_sample, _parts(protocol, metric, pair, whole))
     return {metric: pooled(parts) for metric, parts in samples.items()}
 
 
@@ -137,8 +132,10 @@ def _parts(
     segments: Sequence[Rows] | None = None,
 ) -> list[Samples]:
     """Samples of a metric, segment by segment where it has segments."""
+    n_frames = len(pair.true.joints_m)
+    if protocol.gaps != "kept":
+        pair = replace(pair, runs=((0, n_frames),))
     if segments is None:
-        n_frames = len(pair.true.joints_m)
         segments = metrics.segments_of(n_frames, protocol.segment_frames, protocol.remainder)
     match metric:
         case "w_mpjpe_mm":
