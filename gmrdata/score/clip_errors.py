@@ -154,7 +154,6 @@ def _of_videos(
             method: values_together(protocol, [pair for one in clips for pair in one.pairs[method]])
             for method in METHODS
         }
-    # The others of a video have none.
     return [
         replace(one, protocol=figures.get(one.clip_id, one.protocol), pairs={}) for one in scored
     ]

@@ -15,10 +15,7 @@ from gmrdata.values.files import write_text
 Table = tuple[tuple[str, ...], list[tuple[str, ...]]]  # headings and rows
 Cell = str | float | None  # a cell of a CSV file
 ZERO_HEADING = "with no motion at all"
-FEW_CLIPS = (
-    "Of few clips they are too narrow: of 5 clips they hold the true mean in about 8 of 10 cases, "
-    "of 20 in 9."
-)
+FEW_CLIPS = "They are too narrow for few clips: those of 5 hold the true mean about 8 times in 10."
 
 
 class MetricWords(NamedTuple):
