@@ -95,8 +95,7 @@ def compare(
     """Lay scored runs beside the first one, clip by clip: by the `scores.json` of two or more.
 
     Each clip counts once, whatever its length.  Only clips that all runs have are compared; the
-    others are named.  A protocol's metrics are compared where all runs have the same protocol,
-    on the same frames of each clip.
+    others are named.  A protocol's metrics are, where all have it on the same frames of each clip.
     `out_dir` gets `comparison.json`, whose path is returned, `comparison.csv` and `.md`.
     """
     config, paths, out_dir = config or CompareConfig(), as_paths(scores_paths), Path(out_dir)
@@ -125,10 +124,11 @@ def compare_records(
     _check_comparable(records, paths, clips, common)
     of_runs = [[by_id[id] for id in common] for by_id in clips]
     first = records[0].protocol
+    left_out = None
     if any(record.protocol != first for record in records):
-        left_out: str | None = _several_protocols(records, names)
-    else:
-        left_out = None if first is None else _measured_otherwise(first, of_runs, names)
+        left_out = _several_protocols(records, names)
+    elif first is not None and first.metrics:
+        left_out = _measured_otherwise(first, of_runs, names)
     protocol = None if left_out else first
     return Comparison(
         runs=tuple(names),

@@ -71,7 +71,7 @@ def group_score(
         "mean_of_clips": first.paper(),
         "mean_of_clips_interval95": ByMethod(predicted=NO_INTERVALS, zero=NO_INTERVALS),
         "protocol": first.protocol,
-        "protocol_interval95": world and ByMethod(predicted=world, zero=world),
+        "protocol_interval95": first.protocol and ByMethod(predicted=world, zero=world),
         "floor": first.floor,
         "below_floor": first.below_floor,
     }

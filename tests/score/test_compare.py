@@ -155,6 +155,11 @@ def test_a_protocol_is_compared_at_one_rate(tmp_path):
     assert compared(paths[:2], tmp_path / "same")["protocol_left_out"] is None
     found = compared(paths, tmp_path / "other")
     assert found["protocol"] is None and "rte_percent" not in found["metrics"]
+    nothing = [
+        write_scores(tmp_path / f"gmr_{fps_hz:g}", values, protocol=of_protocol("gmr"),
+                     protocol_fps_hz=fps_hz) for fps_hz in (30.0, 10.0)
+    ]  # fmt: skip
+    assert compared(nothing, tmp_path / "gmr")["protocol_left_out"] is None, "it measures nothing"
     said = "clip x has 30 fps in a, 30 fps in b, 10 fps in c"
     assert said in found["protocol_left_out"]
     write_comparison_page(tmp_path / "other" / "comparison.json", paths)
