@@ -320,7 +320,7 @@ def sequence_errors(
     n_frames = truth[0].motion.n_frames
     recovered = [*clips, *[None] * (len(truth) - len(clips))]
     people = [_person(clip, true, body) for clip, true in zip(recovered, truth, strict=True)]
-    scale_error = next(iter(_known(people, "scale_error_percent")), None)
+    scale_error = max(_known(people, "scale_error_percent"), key=abs, default=None)
     return SequenceErrors(
         id=sequence.id,
         class_true=sequence.class_true,

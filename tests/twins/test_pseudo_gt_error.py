@@ -320,6 +320,11 @@ def test_two_percent_too_large(truth, sigma_share, inside):
     assert row.scale_within_2sigma is inside
     assert row.camera_rotation_deg == pytest.approx(0, abs=1e-5)
     assert row.vme_mm is None
+    # Of the person who fares worst, as all else: it was of the first.
+    found[1] = moved(truth[1], np.eye(4), 0.97)
+    row = sequence_errors(measured, found, truth)
+    assert row.scale_error_percent == pytest.approx(-3, abs=1e-5)
+    assert row.scale_within_2sigma is False
 
 
 def test_motions_are_between_kept_frames_alone(truth):
