@@ -1,5 +1,6 @@
 """Verbs for the network: train, evaluate, compare and infer."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -214,7 +215,7 @@ def show_scores(path: Path) -> None:
     answer(path)
 
 
-def _show_comparison(path: Path, scores: tuple[Path, ...]) -> None:
+def _show_comparison(path: Path, scores: Sequence[Path]) -> None:
     """Print a `comparison.json`, and write its page."""
     from gmrdata.pages.scores import write_comparison_page
     from gmrdata.score import compare as stage
@@ -298,7 +299,7 @@ def compare(
     """Compare scored runs, clip by clip: differences to the first, intervals, and p-values.
 
     Args:
-        scores: The scores.json of each run; the first is what the others are compared with.
+        scores: The scores.json of each run, or its folder; the others are compared with the first.
         out: Output folder: comparison.json, comparison.csv, comparison.md, comparison.html.
         names: Names for the runs, in their order; their own when left out.
     """
@@ -307,4 +308,5 @@ def compare(
     flags.need(scores, "the scores.json of two runs or more")
     with flags.flags_named():
         config = stage.CompareConfig(names=names, seed=seed)
-    _show_comparison(stage.compare(scores, out, config, run=Run(redo=redo)), scores)
+    paths = stage.scores_files(scores)
+    _show_comparison(stage.compare(paths, out, config, run=Run(redo=redo)), paths)

@@ -92,13 +92,14 @@ def compare(
     *,
     run: Run = DEFAULT_RUN,
 ) -> Path:
-    """Lay scored runs beside the first one, clip by clip: by the `scores.json` of two or more.
+    """Lay scored runs beside the first one, clip by clip: by two or more `scores.json`, or folders.
 
     Each clip counts once, whatever its length.  Only clips that all runs have are compared; the
     others are named.  A protocol's metrics are, where all have it on the same frames of each clip.
     `out_dir` gets `comparison.json`, whose path is returned, `comparison.csv` and `.md`.
     """
-    config, paths, out_dir = config or CompareConfig(), as_paths(scores_paths), Path(out_dir)
+    config, out_dir = config or CompareConfig(), Path(out_dir)
+    paths = scores_files(as_paths(scores_paths))
     if len(paths) < 2:
         raise MissingInput("fewer than two scored runs. Give a scores.json for each run")
 
@@ -114,6 +115,11 @@ def compare(
 
     inputs = {f"scores_{number}": path for number, path in enumerate(paths, 1)}
     return run_stage("compare", out_dir, config, inputs, work, run=run) / "comparison.json"
+
+
+def scores_files(paths: Iterable[Path]) -> list[Path]:
+    """The `scores.json` of each run: the file, or that of the folder which `score` made."""
+    return [path / "scores.json" if path.is_dir() else path for path in paths]
 
 
 def compare_records(

@@ -16,7 +16,7 @@ from scipy.stats import bootstrap
 
 from gmrdata.pages.scores import write_comparison_page
 from gmrdata.score import METRICS
-from gmrdata.score.compare import CompareConfig, compare
+from gmrdata.score.compare import CompareConfig, Comparison, compare
 from gmrdata.score.protocols import PROTOCOLS, protocol_as
 from gmrdata.score.records import PaperMetrics, Protocol
 from gmrdata.score.summary import (
@@ -250,8 +250,10 @@ def test_what_can_not_be_compared_is_refused(tmp_path):
     for message, path in refused.items():
         with pytest.raises(BadRecord, match=message):
             compare([first, path], tmp_path / "out")
-    with pytest.raises(MissingInput, match="b: no such file, but a folder"):
+    with pytest.raises(BadRecord, match="30 fps"):
         compare([first, refused["30 fps"].parent], tmp_path / "out")
+    with pytest.raises(MissingInput, match=f"^{tmp_path / 'scores.json'}: no such file$"):
+        compare([first, tmp_path], tmp_path / "out")
     with pytest.raises(MissingInput, match="fewer than two"):
         compare([first], tmp_path / "out")
     assert not (tmp_path / "out").exists()
@@ -263,6 +265,17 @@ def test_the_verb(tmp_path, works, monkeypatch):
     said = " ".join(answer.stdout.split())
     assert "TME [mm] ours 18.0 -2.0 -3.0 to -1.0 0.250 3" in said
     assert said.endswith("comparison.json")
+
+
+def test_folders_of_scores_are_taken_for_the_scores_in_them(tmp_path, works):
+    folders = []
+    for path in three(tmp_path):
+        folders.append(path.with_suffix(""))
+        folders[-1].mkdir()
+        path.rename(folders[-1] / "scores.json")
+    works("compare", *folders, "--out", tmp_path / "out")
+    assert len(Comparison.read(tmp_path / "out" / "comparison.json").runs) == 3
+    assert (tmp_path / "out" / "comparison.html").is_file()
 
 
 RESAMPLES = 500
