@@ -62,7 +62,7 @@ def group_score(
 ) -> GroupScore:
     """A group with the figures of its first clip."""
     first = clips[0]
-    world = first.protocol and dict.fromkeys(first.protocol.predicted)
+    world = None if first.protocol is None else dict.fromkeys(first.protocol.predicted)
     given = {
         "n_clips": len(clips),
         "n_motions": sum(clip.n_motions for clip in clips),
@@ -71,7 +71,7 @@ def group_score(
         "mean_of_clips": first.paper(),
         "mean_of_clips_interval95": ByMethod(predicted=NO_INTERVALS, zero=NO_INTERVALS),
         "protocol": first.protocol,
-        "protocol_interval95": first.protocol and ByMethod(predicted=world, zero=world),
+        "protocol_interval95": None if world is None else ByMethod(predicted=world, zero=world),
         "floor": first.floor,
         "below_floor": first.below_floor,
     }
