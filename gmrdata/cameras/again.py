@@ -97,8 +97,7 @@ def solve_again(
             shutil.rmtree(folder)
         AgainRecord(solutions=tuple(solutions)).write(partial / AGAIN_FILE)
 
-    masks = {} if masks_dir is None else {"masks": masks_dir}
-    inputs = {"sfm": sfm_dir, "images": frames.folder} | masks
+    inputs = {"sfm": sfm_dir, "images": frames.folder, "masks": masks_dir}
     return run_stage("sfm_again", out_dir, config, inputs, work, run=run)
 
 

@@ -111,7 +111,7 @@ def reconstruct(
             raise error.of(frames.folder) from None
         return {} if frames.video_path else {IMAGES_FACT: str(frames.folder.resolve())}
 
-    inputs = frames.inputs | ({} if masks_dir is None else {"masks": masks_dir})
+    inputs = {**frames.inputs, "masks": masks_dir}
     return run_stage("sfm", out_dir, recipe, inputs, work, run=run)
 
 

@@ -128,16 +128,15 @@ class FusedInputs:
         there = (path if is_solved and path.is_file() else None for path in beside)
         return cls(paths, folder, errors_file(folder, errors_path), *there)
 
-    def files(self, body_path: str | Path | None) -> dict[str, Path]:
+    def files(self, body_path: str | Path | None) -> dict[str, Path | None]:
         """By role, for the stage's record."""
         paths: dict[str, Path | None] = {
             "run": weights_dir(self.network_dir), "errors": self.errors_path,
-            "quality": self.quality_path, "doubts": self.doubts_path,
+            "quality": self.quality_path, "doubts": self.doubts_path, **body_inputs(body_path),
         }  # fmt: skip
         for n, path in enumerate(self.clip_paths):
             paths |= {f"clip_{n}": path, f"seen_{n}": seen_path(path)}
-        there = {role: path for role, path in paths.items() if path is not None}
-        return body_inputs(body_path) | there
+        return paths
 
 
 def seen_path(clip_path: Path) -> Path | None:

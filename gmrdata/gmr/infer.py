@@ -287,15 +287,15 @@ def infer(
     config = config or InferConfig()
     config = config if draw is not None else config.model_copy(update={"video": False})
     poses = input_files(source) | files_beside(source)
-    inputs = {"run": weights_dir(run_dir)} | body_inputs(body_path)
+    map_path = None if joint_map is None else Path(joint_map)
+    inputs = {"run": weights_dir(run_dir), "joint_map": map_path, **body_inputs(body_path)}
     inputs |= {f"poses_{role}": path for role, path in poses.items()}
-    inputs |= {} if joint_map is None else {"joint_map": Path(joint_map)}
     if check_out("infer", out_dir, config, inputs, run):
         return out_dir
     # Before anything is written, so that a bad file leaves nothing behind.
     body = load_body(body_path)
     gmr = load_gmr(run_dir, config.which)
-    worlds, left_out = _predict(gmr, source, body, config, inputs.get("joint_map"))
+    worlds, left_out = _predict(gmr, source, body, config, map_path)
 
     def work(partial_dir: Path) -> None:
         record = _record(gmr, source, body, config.level, worlds, left_out)

@@ -73,7 +73,7 @@ def maskrcnn_masks(
             write_gray(partial / f"{image.stem}.png", mask)
         shutil.rmtree(partial / "seen")
 
-    inputs = frames.inputs | ({} if weights_path is None else {"weights": weights_path})
+    inputs = {**frames.inputs, "weights": weights_path}
     return run_stage("maskrcnn_masks", out_dir, config, inputs, Resumable(work), run=run)
 
 

@@ -135,14 +135,13 @@ def predict_camera_as_world(
     seen = [one for one in subjects if _is_seen(one)]
     left_out |= {one.clip.id: "no camera sees it" for one in subjects if not _is_seen(one)}
     files: dict[str, CameraFiles] = {}
-    inputs = {"manifest": manifest_path}
+    inputs: dict[str, Path | None] = {"manifest": manifest_path}
     if config.camera == "recovered":
         if cameras_dir is None:
             raise MissingInput("no recovered cameras given. Name --cameras")
         files = {one.clip.id: find_cameras(cameras_dir, one.clip.id) for one in seen}
         for clip_id, (cameras_path, quality_path) in files.items():
-            inputs[f"cameras_{clip_id}"] = cameras_path
-            inputs |= {} if quality_path is None else {f"scale_{clip_id}": quality_path}
+            inputs |= {f"cameras_{clip_id}": cameras_path, f"scale_{clip_id}": quality_path}
 
     def work(partial_dir: Path) -> None:
         made = [_prediction(one, config.camera, files.get(one.clip.id)) for one in seen]

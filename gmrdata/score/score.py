@@ -41,7 +41,7 @@ from gmrdata.score.table import csv_rows, scores_markdown, write_table_files
 from gmrdata.stage import recipes
 from gmrdata.stage.progress import track
 from gmrdata.stage.run import DEFAULT_RUN, Run
-from gmrdata.stage.store import NotMade, StageRecord, run_stage, state_of
+from gmrdata.stage.store import Inputs, NotMade, StageRecord, run_stage, state_of
 from gmrdata.values.body import BodyModel, body_of, names_of
 from gmrdata.values.clip import Clip
 from gmrdata.values.errors import BadBodyFile, BadManifest, BadMotionFile, BadRecipe, StaleOutput
@@ -145,11 +145,11 @@ class _ScoredOn:
     floor_path: Path | None
     joint_regressor_path: Path | None
 
-    def inputs(self) -> dict[str, Path]:
-        optional = {"floor": self.floor_path, "joint_regressor": self.joint_regressor_path}
-        inputs = {"manifest": self.manifest_path} | body_inputs(self.body_path)
-        inputs |= body_inputs(self.predictions_body_path, "predictions_body")
-        return inputs | {key: path for key, path in optional.items() if path is not None}
+    def inputs(self) -> Inputs:
+        bodies = body_inputs(self.body_path)
+        bodies |= body_inputs(self.predictions_body_path, "predictions_body")
+        others = {"floor": self.floor_path, "joint_regressor": self.joint_regressor_path}
+        return {"manifest": self.manifest_path, **bodies, **others}
 
 
 def _sources(predictor: Path | str, given: _ScoredOn, config: ScoreConfig) -> list[PredictorSource]:

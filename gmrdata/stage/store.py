@@ -100,6 +100,8 @@ class NotMade(Exception):
         self.begun = begun  # by a killed run, whose costly work goes on
 
 
+Inputs = Mapping[str, Path | None]
+"""Files and folders that a stage reads, by role; None for one that is not asked for."""
 Work = Callable[[Path], Mapping[str, Any] | None]
 """Fills the folder that it is given; may return facts for the record that don't decide the result,
 such as the device that was used."""
@@ -121,7 +123,7 @@ def run_stage(
     name: str,
     out_dir: Path,
     config: Config,
-    inputs: Mapping[str, Path],
+    inputs: Inputs,
     work: Work | Resumable,
     *,
     run: Run = DEFAULT_RUN,
@@ -166,10 +168,10 @@ def _behind_link(out_dir: Path) -> Path:
     return out_dir.resolve() if out_dir.is_symlink() else out_dir
 
 
-def _keep_inputs(out_dir: Path, inputs: Mapping[str, Path]) -> None:
+def _keep_inputs(out_dir: Path, inputs: Inputs) -> None:
     """Refuse a folder with an input in it, which would go when the folder is replaced."""
     whole = out_dir.resolve()
-    for path in inputs.values():
+    for path in filter(None, inputs.values()):
         if path.resolve().is_relative_to(whole):
             raise StaleOutput(f"{out_dir}: holds {path}, which is read. Pass another --out")
 
@@ -178,7 +180,7 @@ def check_out(
     name: str,
     out_dir: Path,
     config: Config,
-    inputs: Mapping[str, Path],
+    inputs: Inputs,
     run: Run,
     work: Work | Resumable | None = None,
 ) -> bool:
@@ -212,7 +214,7 @@ def state_of(look: Callable[[], object]) -> str:
 
 
 def is_made(
-    name: str, out_dir: Path, config: Config, inputs: Mapping[str, Path], run: Run = DEFAULT_RUN
+    name: str, out_dir: Path, config: Config, inputs: Inputs, run: Run = DEFAULT_RUN
 ) -> bool:
     """Whether `run_stage` would find its folder complete; arguments as there."""
     made_by = _read_or_none(StageRecord, out_dir / STAGE_FILE)
@@ -423,9 +425,10 @@ class _InputHashes:
         self._earlier = {} if record is None else record.files
         self._known: dict[str, KnownFile] = {}
 
-    def of(self, inputs: Mapping[str, Path]) -> dict[str, str]:
+    def of(self, inputs: Inputs) -> dict[str, str]:
         """Hex SHA-256 of each input, by role."""
-        return {role: self._of_input(role, path) for role, path in sorted(inputs.items())}
+        there = {role: path for role, path in inputs.items() if path is not None}
+        return {role: self._of_input(role, there[role]) for role in sorted(there)}
 
     def remember(self) -> None:
         """Keep what was found for the next process.  It only saves time, so it may fail."""

@@ -90,9 +90,11 @@ class WorldEvidence:
     """By person: standard error of the body's size, as a share; none where sizes are known."""
 
     @property
-    def files(self) -> dict[str, Path]:
+    def files(self) -> dict[str, Path | None]:
         """By role, for the stage's record."""
-        optional = {
+        return {
+            "sfm": self.sfm_dir,
+            **stage_inputs(self.people),
             "dataset_camera": self.dataset_camera_path,
             "gravity": self.gravity_path,
             "lines": self.lines_dir,
@@ -100,8 +102,6 @@ class WorldEvidence:
             "people_masks": None if self.seen is None else self.seen.masks_dir,
             "followed": None if self.seen is None else self.seen.followed_dir,
         }
-        there = {name: path for name, path in optional.items() if path is not None}
-        return {"sfm": self.sfm_dir} | stage_inputs(self.people) | there
 
 
 class _WithErrors(Config):

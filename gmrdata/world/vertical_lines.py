@@ -108,8 +108,7 @@ def find_lines(
         }
         write_npz(partial / LINES_FILE, arrays)
 
-    inputs = {"images": frames.folder, "sfm": sfm_dir}
-    inputs |= {} if masks_dir is None else {"masks": masks_dir}
+    inputs = {"images": frames.folder, "sfm": sfm_dir, "masks": masks_dir}
     recipe = _LinesRecipe(lines=config, lens=lens)
     return run_stage("lines", out_dir, recipe, inputs, work, run=run)
 

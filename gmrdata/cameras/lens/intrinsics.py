@@ -245,8 +245,7 @@ def find_intrinsics(
     )
     inputs = {**frames.inputs, "masks": masks_dir}
     inputs |= {"file": None if given is None else given.file, "video": frames.video_path}
-    there = {role: path for role, path in inputs.items() if path is not None}
-    return run_stage("intrinsics", out_dir, recipe, there, work, run=run)
+    return run_stage("intrinsics", out_dir, recipe, inputs, work, run=run)
 
 
 class _Shown(NamedTuple):
