@@ -2,7 +2,6 @@
 
 from pathlib import Path
 
-import numpy as np
 from pydantic import FiniteFloat, TypeAdapter, ValidationError
 from rich.markup import escape
 
@@ -43,13 +42,11 @@ def show(paths: DemoPaths, recipe: DemoRecipe) -> Path:
     rows = _curve(paths.gmr_dir / "metrics.jsonl")
     record = StageRecord.of(paths.gmr_dir)
     report = report_data.ReportData(
-        run=report_data.RunReport(
-            title="gmrdata demo",
-            data_source=_data_source(paths, recipe),
-            seconds=_seconds(paths, recipe),
-            versions={"gmrdata": record.gmrdata, "python": record.python, **record.packages},
-            recipe=paths.recipe.read_text(encoding="utf-8"),
-        ),
+        title="gmrdata demo",
+        data_source=_data_source(paths, recipe),
+        seconds=_seconds(paths, recipe),
+        versions={"gmrdata": record.gmrdata, "python": record.python, **record.packages},
+        recipe=paths.recipe.read_text(encoding="utf-8"),
         clips=tuple(_clip_report(paths, clip, body, gmr) for clip in recipe.clips),
         scores={name: _manifest_score(paths, name) for name in ("synthetic", "pseudo_gt")},
         learning_curve=rows,
@@ -95,6 +92,10 @@ def _seconds(paths: DemoPaths, recipe: DemoRecipe) -> dict[str, float]:
 
 def _clip_report(paths: DemoPaths, clip: DemoClip, body: BodyModel, gmr: TrainedGmr) -> ClipReport:
     files = paths.clip(clip.id)
+    quality = load_record(files.pseudo_gt_dir)
+    if quality.cameras is None:
+        what = "says of no reconstruction, so there is none to draw"
+        raise BadRecord(f"{files.pseudo_gt_dir}: {what}")
     true, pseudo = load_clip(files.true), load_clip(files.pseudo)
     error = compare_clips(pseudo, true, fps_hz=FPS_HZ)
     predicted = predict_world_motion(
@@ -113,22 +114,10 @@ def _clip_report(paths: DemoPaths, clip: DemoClip, body: BodyModel, gmr: Trained
         masks_dir=files.masks_dir,
         body=body,
         figures=report_data.ClipAccuracy.of(error, true.motion.n_frames),
-        quality=_quality(files.pseudo_gt_dir),
+        quality=quality,
+        cameras=quality.cameras,
         figures_fps_hz=FPS_HZ,
         predicted=predicted,
-    )
-
-
-def _quality(pseudo_gt_dir: Path) -> report_data.ReconstructionQuality:
-    record = load_record(pseudo_gt_dir)
-    if record.cameras is None:
-        raise BadRecord(f"{pseudo_gt_dir}: says of no reconstruction, so there is none to draw")
-    return report_data.ReconstructionQuality(
-        geometry=record.cameras.geometry,
-        scale=record.scale,
-        scale_sigma=record.scale_sigma,
-        reprojection_error_px=record.cameras.mean_reprojection_px,
-        inliers=np.array(record.cameras.inliers_per_frame),
     )
 
 

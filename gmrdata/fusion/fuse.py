@@ -262,11 +262,8 @@ def world_errors(quality: PseudoGtQuality | None, number: int = 0) -> WorldError
     clip that is no pseudo ground truth's.  A camera at rest has the error of the distance."""
     if quality is None:
         return EXACT
-    away = quality.distance_sigmas[number]
-    level = quality.level
-    errors = WorldErrors(away, away)
-    if quality.scale and quality.scale_sigma is not None:
-        errors = replace(errors, scale_share=abs(quality.scale_sigma / quality.scale))
+    away, share, level = quality.distance_sigmas[number], quality.scale_share, quality.level
+    errors = WorldErrors(away if share is None else share, away)
     if level is None:
         return errors
     floor_at_m = None if level.remark is None else level.floor_at_m

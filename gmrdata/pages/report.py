@@ -75,7 +75,7 @@ def page(report: ReportData) -> str:
         score_table=_score_table(report.scores),
         predicted=predicted,
         learning_curve=curve,
-        seconds={**report.run.seconds, "All stages": sum(report.run.seconds.values())},
+        seconds={**report.seconds, "All stages": sum(report.seconds.values())},
     )
 
 
@@ -156,20 +156,18 @@ def _picture(clip: ClipReport, tile: frames.ClipTile, drawn: np.ndarray, name: s
 
 
 def _record(clip: ClipReport) -> list[tuple[str, str]]:
-    quality = clip.quality
-    rows = [("Geometry", GEOMETRY_WORDS.get(quality.geometry, quality.geometry))]
+    quality, cameras = clip.quality, clip.cameras
+    rows = [("Geometry", GEOMETRY_WORDS[cameras.geometry])]
     if quality.scale is None:
         rows.append(("Metric scale", "does not enter"))
     else:
-        text, sigma = f"{quality.scale:.4g}", relative_sigma_percent(clip)
-        if sigma is not None:
-            text += f" ± {quality.scale_sigma:.3g} (±\u00a0{sigma:.2g}\u00a0%)"
+        text, share = f"{quality.scale:.4g}", quality.scale_share
+        if share is not None:
+            text += f" ± {quality.scale_sigma:.3g} (±\u00a0{100 * share:.2g}\u00a0%)"
         rows.append(("Metric scale, metres per unit", text))
-    if quality.reprojection_error_px is not None:
-        rows.append(("Reprojection error", f"{quality.reprojection_error_px:.2f} px"))
-    if quality.inliers is not None and len(quality.inliers):
-        low, high = int(quality.inliers.min()), int(quality.inliers.max())
-        rows.append(("Inliers per frame", f"{low} to {high}"))
+    rows.append(("Reprojection error", f"{cameras.mean_reprojection_px:.2f} px"))
+    inliers = cameras.inliers_per_frame
+    rows.append(("Inliers per frame", f"{min(inliers)} to {max(inliers)}"))
     return [*rows, ("Motion", clip.true.motion.source)]
 
 
@@ -204,13 +202,10 @@ def _plot_error(axes: Axes, times_s: np.ndarray, errors: np.ndarray, role: str, 
 
 def _plot_inliers(axes: Axes, clip: ClipReport) -> None:
     quiet(axes, "Inliers per frame")
-    counts, fps_hz = clip.quality.inliers, clip.pseudo.motion.fps_hz
-    if counts is None or not len(counts):
-        plots.nothing(axes, "not recorded")
-        return
+    counts, fps_hz = clip.cameras.inliers_per_frame, clip.pseudo.motion.fps_hz
     colours = [COLOURS["camera-pale" if ok else "bad"] for ok in clip.has_camera]
     axes.bar(np.arange(len(counts)) / fps_hz, counts, width=0.72 / fps_hz, color=colours)
-    axes.set_ylim(0, 1.1 * max(1.0, float(np.max(counts))))
+    axes.set_ylim(0, 1.1 * max(1, *counts))
     axes.yaxis.set_major_locator(MaxNLocator(4, integer=True))
 
 
@@ -222,13 +217,14 @@ def plot_scales(plot: Figure, clips: Sequence[ClipReport]) -> None:
     axes.axvline(0, color=COLOURS["muted"], linewidth=1)
     reach = most
     for row, clip in enumerate(clips):
-        error, sigma = clip.figures.scale_error_percent, relative_sigma_percent(clip)
+        error, share = clip.figures.scale_error_percent, clip.quality.scale_share
         if error is None:
             words, colour = report_data.SCALE_NOT_OBSERVABLE, COLOURS["muted"]
             label = axes.annotate(words, (0, row), (8, 0), textcoords="offset points", color=colour)
             label.set_verticalalignment("center")
             continue
         colour = COLOURS["good" if abs(error) <= most else "bad"]
+        sigma = None if share is None else 100 * share
         axes.errorbar(
             error, row, xerr=sigma, fmt="o", color=colour, markersize=6, linewidth=2, capsize=4
         )
@@ -236,14 +232,6 @@ def plot_scales(plot: Figure, clips: Sequence[ClipReport]) -> None:
     plots.name_rows(axes, [clip.id for clip in clips])
     axes.set_xlim(-1.15 * reach, 1.15 * reach)
     axes.set_xlabel("error of the metric scale [%], with ± one sigma of its own estimate")
-
-
-def relative_sigma_percent(clip: ClipReport) -> float | None:
-    """The scale's own standard deviation [%]; None where there is no scale or no sigma."""
-    quality = clip.quality
-    if not quality.scale or quality.scale_sigma is None:
-        return None
-    return 100 * quality.scale_sigma / abs(quality.scale)
 
 
 def plot_learning_curve(plot: Figure, points: Sequence[tuple[int, float]]) -> None:

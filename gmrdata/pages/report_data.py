@@ -7,12 +7,14 @@ from typing import Literal, Self
 
 import numpy as np
 
+from gmrdata.cameras.files import CamerasQuality
 from gmrdata.score.records import PaperMetrics
 from gmrdata.twins.pseudo_gt_error import PseudoGtError, has_camera
 from gmrdata.values.body import BodyModel
 from gmrdata.values.clip import Clip
 from gmrdata.values.motion import Motion
 from gmrdata.values.records import Config, Record
+from gmrdata.world.judge import PseudoGtQuality
 
 
 class ClipAccuracy(Config):
@@ -36,17 +38,6 @@ class ClipAccuracy(Config):
 
 
 @dataclass(frozen=True, eq=False)
-class ReconstructionQuality:
-    """What the reconstruction knows about itself, without the truth."""
-
-    geometry: str  # "full", "rotation_only" for a camera that only pans, or "static"
-    scale: float | None = None  # metres per unit of the reconstruction; None where it doesn't enter
-    scale_sigma: float | None = None  # one standard deviation of `scale`, in the same unit
-    reprojection_error_px: float | None = None  # mean of the inliers
-    inliers: np.ndarray | None = None  # (T,) int: inlier points (or matches) per frame of `pseudo`
-
-
-@dataclass(frozen=True, eq=False)
 class ClipReport:
     """One clip: the truth, what was recovered, and the pictures."""
 
@@ -59,7 +50,8 @@ class ClipReport:
     masks_dir: Path | None  # `<image stem>.png`, 255 = dynamic object; None draws no outline
     body: BodyModel
     figures: ClipAccuracy
-    quality: ReconstructionQuality
+    quality: PseudoGtQuality  # what was found out without the truth
+    cameras: CamerasQuality  # the same of the reconstruction
     figures_fps_hz: float | None = None  # a whole part of the clips' rate; None for that rate
     predicted: Motion | None = None  # GMR's, accumulated from the first frame
 
@@ -77,22 +69,15 @@ class GmrSummary(PaperMetrics[float]):
 
 
 @dataclass(frozen=True, eq=False)
-class RunReport:
-    """How the run was made."""
+class ReportData:
+    """Everything on the page, and how the run was made."""
 
     title: str
     data_source: str  # where the motions came from, in a sentence
     seconds: Mapping[str, float]  # wall time per stage, in the order in which they ran
+    clips: tuple[ClipReport, ...]
     versions: Mapping[str, str] = field(default_factory=dict)
     recipe: str = ""  # all of it, as YAML
-
-
-@dataclass(frozen=True, eq=False)
-class ReportData:
-    """Everything on the page."""
-
-    run: RunReport
-    clips: tuple[ClipReport, ...]
     scores: Mapping[str, GmrSummary] = field(default_factory=dict)  # GMR's, by manifest
     learning_curve: tuple[tuple[int, float], ...] = ()  # (step, training loss)
 
@@ -158,5 +143,5 @@ def summary(report: ReportData) -> Summary:
             for clip in report.clips
         ),
         gmr=dict(report.scores),
-        seconds={stage: float(seconds) for stage, seconds in report.run.seconds.items()},
+        seconds={stage: float(seconds) for stage, seconds in report.seconds.items()},
     )

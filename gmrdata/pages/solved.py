@@ -197,10 +197,7 @@ class SolvedSequence:
     @property
     def scale_share(self) -> float | None:
         """Standard error of the metric scale, as a share of it; None where none is known."""
-        record = self.record
-        if record is None or not record.scale or record.scale_sigma is None:
-            return None
-        return abs(record.scale_sigma / record.scale)
+        return None if self.record is None else self.record.scale_share
 
     def window_differences(self) -> tuple[np.ndarray, np.ndarray] | None:
         """Differences in turn [deg] and way [m] from the data set's camera; None without one."""

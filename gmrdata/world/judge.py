@@ -68,6 +68,13 @@ class PseudoGtQuality(Record):
     """By person, how the body lies on the people in the pictures; null where it was not checked,
     for want of masks that were made without it."""
 
+    @property
+    def scale_share(self) -> float | None:
+        """Standard error of the metric scale, as a share of it; None where none is known."""
+        if not self.scale or self.scale_sigma is None:
+            return None
+        return abs(self.scale_sigma / self.scale)
+
     @model_validator(mode="after")
     def _is_consistent(self) -> Self:
         if (self.scale is None) != (self.scale_sigma is None):

@@ -15,9 +15,7 @@ from gmrdata.pages.report_data import (
     ClipAccuracy,
     ClipReport,
     GmrSummary,
-    ReconstructionQuality,
     ReportData,
-    RunReport,
 )
 from gmrdata.pages.solved_page import make_video_page
 from gmrdata.score.records import PaperMetrics
@@ -27,6 +25,7 @@ from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import Clip
 from gmrdata.values.skinning import motion_vertices_m
 from tests.motions import moved
+from tests.reconstructions import good_quality, pseudo_gt_quality
 from tests.sharing import made_once
 
 PROGRAMMES = {"circular": Circular(), "linear": Linear(), "panning": Panning()}
@@ -107,6 +106,11 @@ def make_clip(small_body, tmp_path_factory) -> Callable[[str], ClipReport]:
         true = Clip(f"walk_{kind}", motion, np.ones(n, dtype=bool), np.arange(n), view)
         images_dir, masks_dir = paint_clip(tmp_path_factory.mktemp(kind), true, small_body)
         pans = kind == "panning"
+        cameras = good_quality(
+            n, geometry="rotation_only" if pans else "full", mean_reprojection_px=0.4321,
+            inliers_per_frame=tuple(range(200, 200 + n)),
+        )  # fmt: skip
+        quality = pseudo_gt_quality(cameras, None if pans else 0.7654)
         return ClipReport(
             id=true.id,
             camera_motion=kind,
@@ -124,13 +128,8 @@ def make_clip(small_body, tmp_path_factory) -> Callable[[str], ClipReport]:
                 frames=n,
                 frames_with_camera=n,
             ),
-            quality=ReconstructionQuality(
-                geometry="rotation_only" if pans else "full",
-                scale=None if pans else 0.7654,
-                scale_sigma=None if pans else 0.0123,
-                reprojection_error_px=0.4321,
-                inliers=np.arange(200, 200 + n),
-            ),
+            quality=quality.model_copy(update={"scale_sigma": None if pans else 0.0123}),
+            cameras=cameras,
             predicted=moved(motion, TRUE_FROM_PSEUDO),
         )
 
@@ -150,13 +149,11 @@ def report(make_clip) -> ReportData:
     """A report on three clips with all of its optional parts."""
     steps = range(0, 400, 10)
     return ReportData(
-        run=RunReport(
-            title="gmrdata demo",
-            data_source="Embedded gait: planned footsteps, not motion capture.",
-            seconds={"render": 61.25, "reconstruct": 40.5, "train": 12.0},
-            versions={"gmrdata": "0.1.0", "numpy": "1.26.4"},
-            recipe="fps_hz: 10.0\ncameras: [circular, linear, panning]\n",
-        ),
+        title="gmrdata demo",
+        data_source="Embedded gait: planned footsteps, not motion capture.",
+        seconds={"render": 61.25, "reconstruct": 40.5, "train": 12.0},
+        versions={"gmrdata": "0.1.0", "numpy": "1.26.4"},
+        recipe="fps_hz: 10.0\ncameras: [circular, linear, panning]\n",
         clips=tuple(make_clip(kind) for kind in PROGRAMMES),
         scores={
             "truth": with_zero(score(3.21, 43.2, 54.3), score(7.65, 120.1, 130.2)),
