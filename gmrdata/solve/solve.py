@@ -506,13 +506,17 @@ def solve_sequence(
         NoReconstruction: there is no camera path, or no world.
         MissingInput: there are no people.
     """
-    if not people:
-        what = "nobody is given. Give a person's clip and body; solve_video needs none"
-        raise MissingInput(f"{frames}: {what}")
     given = GivenPeople(people, dataset_camera_path, doubts_path, left_out)
+    return solve_given(SolveRequest(Path(frames), given, part=video), Path(out_dir), config, run)
+
+
+def solve_given(request: SolveRequest, out_dir: Path, config: SequenceConfig, run: Run) -> Path:
+    """`solve_sequence` of a request for `GivenPeople`."""
+    if not request.given.files:
+        what = "nobody is given. Give a person's clip and body; solve_video needs none"
+        raise MissingInput(f"{request.source}: {what}")
     asked = {stage: getattr(config, stage) for stage in SequenceConfig.model_fields}
-    stages = SolveConfig(**asked)
-    solved = solve(SolveRequest(Path(frames), given, part=video), Path(out_dir), stages, run)
+    solved = solve(request, out_dir, SolveConfig(**asked), run)
     if solved.unsolved is not None:
         raise solved.unsolved
     assert solved.world_dir is not None

@@ -1,6 +1,7 @@
 """One sequence of 3DPW: its people as clips, and its world motions, or why there are none."""
 
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Literal
@@ -15,7 +16,8 @@ from gmrdata.people.sources import mask_folders, network_files, without_files
 from gmrdata.read.body_file import read_body
 from gmrdata.read.threedpw import Sequence3DPW, ValidRule, read_found, unusable_reasons
 from gmrdata.read.threedpw_files import SequenceFiles, require_name
-from gmrdata.solve.solve import solve_sequence
+from gmrdata.solve.request import GivenPeople, SolveRequest
+from gmrdata.solve.solve import solve_given
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import is_made, run_stage
 from gmrdata.threedpw import intrinsics_check
@@ -57,16 +59,6 @@ class PeopleRecord(Record):
     """What the keypoints say of the intrinsics; null where they say nothing."""
 
 
-@dataclass(frozen=True)
-class SequencePeople:
-    """A sequence's people on disk, and what else its file says."""
-
-    people: tuple[PersonFiles, ...]
-    dataset_camera_path: Path
-    doubts_path: Path  # what speaks against the data set's frames, and the sequence
-    left_out: tuple[int, ...]
-
-
 def make_people(
     files: SequenceFiles,
     body_paths: tuple[Path, ...],
@@ -74,7 +66,7 @@ def make_people(
     recipe: ThreedpwRecipe,
     *,
     run: Run = DEFAULT_RUN,
-) -> SequencePeople:
+) -> GivenPeople:
     """Stage: `person_<n>.npz`, `dataset_camera.npz`, `doubts.json` and `people.json`."""
 
     def work(partial: Path) -> None:
@@ -97,7 +89,7 @@ def make_people(
         for number, body in enumerate(record.bodies)
     )
     cameras_path, doubts_path = out_dir / DATASET_CAMERA_FILE, out_dir / DOUBTS_FILE
-    return SequencePeople(people, cameras_path, doubts_path, record.left_out)
+    return GivenPeople(people, cameras_path, doubts_path, record.left_out)
 
 
 def _write(
@@ -155,31 +147,28 @@ def regenerate_one(
     if is_made(UNSOLVED, out_dir, made_by, inputs, run):
         return out_dir
     try:
-        return solve_sequence(
-            files.image_dir,
-            given.people,
-            paths.sequence_dir(files.name),
-            config,
-            dataset_camera_path=given.dataset_camera_path,
-            doubts_path=given.doubts_path,
-            left_out=given.left_out,
-            run=run,
-        )
+        request = SolveRequest(files.image_dir, given)
+        return solve_given(request, paths.sequence_dir(files.name), config, run)
     except NoReconstruction as error:
         # Without the folder of this machine, for the manifest has it.
-        work = partial(_write_unsolved, given, error.why, config.pseudo_gt.override)
+        doubts_path, override = people_dir / DOUBTS_FILE, config.pseudo_gt.override
+        work = partial(_write_unsolved, given.files, doubts_path, error.why, override)
         return run_stage(UNSOLVED, out_dir, made_by, inputs, work, run=run)
 
 
 def _write_unsolved(
-    given: SequencePeople, reason: str, override: Override | None, out_dir: Path
+    people: Sequence[PersonFiles],
+    doubts_path: Path,
+    reason: str,
+    override: Override | None,
+    out_dir: Path,
 ) -> None:
     """The people in the camera's frame, every row dropped with its reason, and `quality.json`,
     where a person's decision stands too, though nobody can keep a row."""
-    doubts = Doubts.read(given.doubts_path)
+    doubts = Doubts.read(doubts_path)
     reasons = (*doubts.sequence, reason)
     judged = []
-    for number, person in enumerate(given.people):
+    for number, person in enumerate(people):
         clip = load_clip(person.clip_path)
         nothing = np.zeros(clip.motion.n_frames, dtype=bool)
         unsolved = replace(clip, valid=nothing, camera=None)
