@@ -45,7 +45,7 @@ from gmrdata.cameras.match.tracks import (
     tracks_of,
 )
 from gmrdata.cameras.recipe import SfmConfig
-from gmrdata.read.video import changes_between, say_repeats
+from gmrdata.read.video_faults import changes_between, say_repeats
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import StageRecord, run_stage
 from gmrdata.values.camera import CameraPath, Lens

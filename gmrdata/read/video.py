@@ -4,21 +4,19 @@ PyAV decodes, and OpenCV writes the JPEGs.  A frame is as a person sees it in a 
 mirrored as the file says, without lines of two times, and as wide as its pixels make it.
 """
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from pydantic import Field, model_validator
 
-from gmrdata.read.frames import read_frames, read_gray, write_image
-from gmrdata.read.video_faults import why_no_video
+from gmrdata.read.frames import read_frames, write_image
+from gmrdata.read.video_faults import change, say_repeats, thinned, why_no_video
 from gmrdata.read.video_rate import rated
 from gmrdata.stage.jobs import made_ahead
-from gmrdata.stage.progress import remark
 from gmrdata.stage.run import DEFAULT_RUN, Run
 from gmrdata.stage.store import run_stage
 from gmrdata.values.errors import BadFrames, BadRecipe
@@ -46,12 +44,6 @@ BROADCAST = ("mpegts", "mpeg", "mpegvideo")  # a recording of it begins anywhere
 REMEDY = "convert it again (H.264 in .mp4)"
 LONGEST_PIXEL = 4.0  # the most that a pixel may be longer than wide, or wider than long
 MOST_REORDERED = 16  # frames that a decoder may hold back, as H.264 and HEVC have it
-REPEATED, FEWEST_REPEATED, MOST_ON_END = 0.1, 0.15, 10
-"""A frame repeats the one before if it changes by so small a share of what most do; how many repeat
-where 24 pictures a second were made 30 (a fifth); and of how many frames one picture is made."""
-FAR_ON = 95
-"""Percentile of the changes that the one after a hang exceeds: of hangs of a third of a second in
-five real clips 97 to 100 % do."""
 FINEST_S = 1e-5  # times are not compared more finely [s]
 FEWEST_LOST_S = 0.5  # a file without a count of frames may say so much more than they last [s]
 
@@ -279,8 +271,8 @@ def _extract(path: Path, out_dir: Path, config: VideoConfig) -> VideoRecord:
             size_px = (image.shape[1], image.shape[0])
             _require_in_budget(path, len(numbers) + 1, size_px)
             numbers.append(number)
-            before, small = small, _thinned(image)
-            changes += [] if before is None else [_change(before, small)]
+            before, small = small, thinned(image)
+            changes += [] if before is None else [change(before, small)]
         n_expected = _count_expected(container, stream, reading)
         _require_whole(path, n_expected, reading, config)
         _require_several(path, len(numbers), reading)
@@ -302,55 +294,6 @@ def _extract(path: Path, out_dir: Path, config: VideoConfig) -> VideoRecord:
             numbers=tuple(numbers),
             times_s=tuple(times_s[numbers].round(6).tolist()),
         )
-
-
-def changes_between(paths: Sequence[Path]) -> np.ndarray:
-    """(N-1,) mean change of brightness from each of N images to the next."""
-    small = made_ahead(lambda path: _thinned(read_gray(path)), paths)
-    return np.array([_change(before, after) for before, after in pairwise(small)])
-
-
-def _thinned(image: np.ndarray) -> np.ndarray:
-    """Every eighth pixel of every eighth row, whose differences may be negative."""
-    return image[::8, ::8].astype(np.int16)
-
-
-def _change(before: np.ndarray, after: np.ndarray) -> float:
-    return float(np.abs(after - before).mean())
-
-
-def say_repeats(source: Path, changes: np.ndarray, numbers: Sequence[int]) -> None:
-    """Remark on frames that repeat the one before, by mean changes (N-1,) between those that are
-    taken, and their numbers."""
-    if repeats := _said_of_repeats(changes, numbers):
-        remark(f"{source}: {repeats}")
-
-
-def _said_of_repeats(changes: np.ndarray, numbers: Sequence[int]) -> str | None:
-    """What to say of frames that repeat the one before, by mean changes (N-1,) between those that
-    are taken, and their numbers; None where few do, or one stands still and goes on as before."""
-    repeats = changes < REPEATED * np.percentile(changes, 90)
-    moves = np.flatnonzero(np.r_[True, ~repeats, True])
-    apart = np.diff(moves)
-    if len(apart) < 3:
-        return None
-    if apart.max() > MOST_ON_END:
-        first, after = moves[(longest := int(apart.argmax())) : longest + 2].tolist()
-        if after > len(changes) or changes[after - 1] <= np.percentile(changes[~repeats], FAR_ON):
-            return None
-        what = f"frames {numbers[first]} to {numbers[after - 1]} show one picture"
-        return f"{what}, and the next is far on: the recording hung, people did not; cut it there"
-    if repeats.sum() - apart.max() + 1 < FEWEST_REPEATED * len(changes):  # one may stand still
-        return None
-    every = int(apart[1])
-    even = (apart[1:-1] == every).all()
-    if even and every == 1:
-        return None  # it only stands still at an end
-    each = every * (numbers[1] - numbers[0])
-    leaves_out = f"--every {each}, or a folder of one in {each}, leaves them out"
-    remedy = leaves_out if even else "give the original"
-    n, of = int(repeats.sum()), len(changes) + 1
-    return f"{n} of {of} frames repeat the one before: it was made faster than filmed; {remedy}"
 
 
 def _video_stream(path: Path, container: "InputContainer") -> Any:
