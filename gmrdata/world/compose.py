@@ -15,7 +15,7 @@ from gmrdata.cameras.match.tracks import Tracks, load_tracks
 from gmrdata.values import transforms
 from gmrdata.values.camera import CameraPath
 from gmrdata.values.clip import Clip, camera_of, rows_of_numbers
-from gmrdata.values.errors import BadRecord
+from gmrdata.values.errors import BadMotionFile, BadRecord
 from gmrdata.values.motion import Motion
 from gmrdata.values.records import MAKE_AGAIN
 from gmrdata.values.transforms import Similarity
@@ -27,7 +27,8 @@ def motion_in_world(seen: Motion, world_from_cam: np.ndarray, scale: float = 1.0
 
 
 def motion_in_camera(motion: Motion, world_from_cam: np.ndarray) -> Motion:
-    """The person as each camera sees it: the inverse of `motion_in_world` for metric cameras."""
+    """The person as each metric camera (T, 4, 4) sees it, by a motion in the world: the inverse of
+    `motion_in_world`.  BadMotionFile for a motion in the camera's frame, or of other frames."""
     return moved(motion, transforms.invert(world_from_cam), "world", "camera")
 
 
@@ -37,11 +38,14 @@ def metric_cameras(world_from_cam: np.ndarray, scale: float) -> np.ndarray:
 
 
 def moved(motion: Motion, b_from_a: np.ndarray, a: str, b: Literal["world", "camera"]) -> Motion:
-    """A motion of frame a in frame b, by b_from_a (T, 4, 4)."""
+    """A motion of frame a in frame b, by b_from_a (T, 4, 4); BadMotionFile for a motion that is not
+    in a, or of other frames than these."""
     if motion.frame != a:
-        raise ValueError(f"the motion is in the {motion.frame} frame, expected the {a} frame")
-    if len(b_from_a) != motion.n_frames:
-        raise ValueError(f"{motion.n_frames} frames of motion, {len(b_from_a)} cameras")
+        what = f"the motion is in the {motion.frame} frame, expected the {a} frame"
+        raise BadMotionFile(f"{motion.source}: {what}")
+    if b_from_a.shape != (motion.n_frames, 4, 4):
+        what = f"{motion.n_frames} frames of motion, but cameras {b_from_a.shape}"
+        raise BadMotionFile(f"{motion.source}: {what}. Give one (4, 4) for each frame")
     return replace(
         motion,
         root_rotmats=b_from_a[:, :3, :3] @ motion.root_rotmats,

@@ -102,11 +102,11 @@ def test_smpl_trans_in_place_of_the_pelvis_costs_11_8_mm_per_frame():
 def test_the_frame_of_reference_is_checked():
     rng = np.random.default_rng(0)
     motion, cameras = random_motion(rng, 3), random_cameras(rng, 3)
-    with pytest.raises(ValueError, match="in the world frame, expected the camera frame"):
+    with pytest.raises(BadMotionFile, match="in the world frame, expected the camera frame"):
         motion_in_world(motion, cameras)
-    with pytest.raises(ValueError, match="in the camera frame, expected the world frame"):
+    with pytest.raises(BadMotionFile, match="in the camera frame, expected the world frame"):
         motion_in_camera(motion_in_camera(motion, cameras), cameras)
-    with pytest.raises(ValueError, match="3 frames of motion, 2 cameras"):
+    with pytest.raises(BadMotionFile, match=r"3 frames of motion, but cameras \(2, 4, 4\)"):
         motion_in_camera(motion, cameras[:2])
 
 
