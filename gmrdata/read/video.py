@@ -64,7 +64,7 @@ class VideoConfig(Config):
     @model_validator(mode="after")
     def _ordered(self) -> "VideoConfig":
         if self.to_s is not None and self.to_s <= self.from_s:
-            raise ValueError(f"to_s: {self.to_s:g} s is not after from_s, {self.from_s:g} s")
+            raise ValueError(f"no frames: to {self.to_s:g} s is not after from {self.from_s:g} s")
         return self
 
 

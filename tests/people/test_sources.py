@@ -443,7 +443,7 @@ def test_a_video_and_a_folder_of_masks(gmrdata, tmp_path):
     said_by(gmrdata(*part), 0)
     frames = sorted(p.name for p in (tmp_path / "out" / "frames").glob("*.jpg"))
     assert frames == ["00001.jpg", "00002.jpg"]
-    assert "gmrdata: to_s: 0.01 s is not after from_s, 0.05 s" in said_by(
+    assert "gmrdata: no frames: to 0.01 s is not after from 0.05 s" in said_by(
         gmrdata(*part[:-1], "0.01")
     )
     of_folder = ("masks", tmp_path / "out" / "frames", *common[2:], made)
