@@ -156,7 +156,8 @@ def load_joint(run_dir: Path) -> JointModel:
     """The network of a run, on the CPU, in evaluation mode."""
     folder = trained_checkpoint(run_dir)
     state = read_step_state(folder, JointState)
-    model = JointModel(state.config, state.n_features)
+    with torch.random.fork_rng(devices=[]):  # whose first weights nobody keeps
+        model = JointModel(state.config, state.n_features)
     load_weights(folder, model)
     return model.eval()
 
