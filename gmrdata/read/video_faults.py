@@ -1,4 +1,5 @@
-"""What is wrong with a video: why a file is none, and frames that only repeat the one before."""
+"""What is wrong with a video: why a file is none, and frames that only repeat the one before, which
+a folder of frames may have too."""
 
 from collections.abc import Sequence
 from itertools import pairwise
